@@ -1,0 +1,94 @@
+// Registers every style of this folder with the LAMMPS that loads the plugin.
+
+#include "blast_pulse.h"
+#include "compute_lorentz_drag_atom.h"
+#include "fix_lorentz_drag.h"
+#include "fix_nve_sphere_lorentz.h"
+
+#include "lammps.h"
+#include "library.h"
+
+#include <cstdio>
+#include <mpi.h>
+
+using LAMMPS_NS::LAMMPS;
+
+namespace {
+
+// The C interface of LAMMPS plugins, as its manual states it; the header that declares it is not
+// installed with LAMMPS.
+extern "C" {
+using CommandFactory = void *(*) (void *);
+using StyleFactory = void *(*) (void *, int, char **);
+
+struct PluginEntry {
+  const char *version, *style, *name, *info, *author;
+  union {
+    CommandFactory from_lammps;
+    StyleFactory from_arguments;
+  } creator;
+  void *handle;
+};
+
+using RegisterFunction = void (*)(PluginEntry *, void *);
+}
+
+template <class Style> void *create_command(void *lmp)
+{
+  return new Style(static_cast<LAMMPS *>(lmp));
+}
+
+template <class Style> void *create_style(void *lmp, int narg, char **arg)
+{
+  return new Style(static_cast<LAMMPS *>(lmp), narg, arg);
+}
+
+bool built_for(void *lmp)
+{
+  const int running = lammps_version(lmp);
+  if (running == BLAST_LAMMPS_VERSION) return true;
+  int me = 0;
+  MPI_Comm_rank(MPI_COMM_WORLD, &me);
+  if (me == 0)
+    fprintf(stderr,
+            "lammps-blast plugin: built for LAMMPS version %d but loaded by version %d, so its "
+            "styles are left out: rebuild it against this LAMMPS\n",
+            BLAST_LAMMPS_VERSION, running);
+  return false;
+}
+
+} // namespace
+
+extern "C" __attribute__((visibility("default"))) void lammpsplugin_init(void *lmp, void *handle, void *register_function)
+{
+  if (!built_for(lmp)) return;
+  const auto register_style = reinterpret_cast<RegisterFunction>(register_function);
+
+  PluginEntry entry{};
+  entry.version = static_cast<LAMMPS *>(lmp)->version;
+  entry.author = "the lammps-blast authors";
+  entry.handle = handle;
+
+  entry.style = "command";
+  entry.name = "blast_pulse";
+  entry.info = "lammps-blast: radial pulse of a stated energy";
+  entry.creator.from_lammps = &create_command<LAMMPS_NS::BlastPulse>;
+  register_style(&entry, lmp);
+
+  entry.style = "fix";
+  entry.name = "lorentz/drag";
+  entry.info = "lammps-blast: magnetic force and drag";
+  entry.creator.from_arguments = &create_style<LAMMPS_NS::FixLorentzDrag>;
+  register_style(&entry, lmp);
+
+  entry.name = "nve/sphere/lorentz";
+  entry.info = "lammps-blast: structure-preserving integration in a magnetic field and a medium";
+  entry.creator.from_arguments = &create_style<LAMMPS_NS::FixNVESphereLorentz>;
+  register_style(&entry, lmp);
+
+  entry.style = "compute";
+  entry.name = "lorentz/drag/atom";
+  entry.info = "lammps-blast: magnetic force and drag on each sphere";
+  entry.creator.from_arguments = &create_style<LAMMPS_NS::ComputeLorentzDragAtom>;
+  register_style(&entry, lmp);
+}

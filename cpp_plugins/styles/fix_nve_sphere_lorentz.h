@@ -1,0 +1,39 @@
+// fix nve/sphere/lorentz: structure-preserving integration of charged spheres in a uniform magnetic
+// field and a medium.
+
+#ifndef BLAST_STYLES_FIX_NVE_SPHERE_LORENTZ_H
+#define BLAST_STYLES_FIX_NVE_SPHERE_LORENTZ_H
+
+#include "external_fields.h"
+#include "fix.h"
+#include "particle_block.h"
+#include "work_tally.h"
+
+namespace LAMMPS_NS {
+
+class FixNVESphereLorentz : public Fix {
+ public:
+  FixNVESphereLorentz(class LAMMPS *, int, char **);
+
+  int setmask() override;
+  void init() override;
+  void initial_integrate(int) override;
+  void final_integrate() override;
+  double compute_vector(int) override;
+  void write_restart(FILE *) override;
+  void restart(char *) override;
+
+ private:
+  void half_kick();
+  void drift_all();
+  int gather(ParticleBlock &block, int i);
+
+  ExternalFields fields;
+  WorkTally tally;
+  double last_angle = 0.0;
+  blast::Gyration last_gyration;
+};
+
+} // namespace LAMMPS_NS
+
+#endif

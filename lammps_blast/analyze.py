@@ -1,0 +1,406 @@
+"""Analyse a run folder or a dump: `python -m lammps_blast.analyze RUN_DIR_or_dump`.
+
+Works on what a deck leaves behind, whoever ran it: `case.yaml`, the trajectory, `energy.csv` and
+LAMMPS's log. A lone dump, ours or somebody else's, gives whatever it has the columns for.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import math
+import re
+import sys
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from MDAnalysis import Universe
+
+from lammps_blast import theory
+from lammps_blast.analysis import (
+    AnalysisError,
+    Cloud,
+    EnergyLedger,
+    Envelope,
+    KineticEnergy,
+    Speeds,
+    Together,
+    expected_spheroid,
+)
+from lammps_blast.case import Case, CaseError, load_case
+from lammps_blast.deck import CASE, ENERGY_TABLE
+from lammps_blast.engine import LOG
+from lammps_blast.spheroid import SpheroidTheory
+from lammps_blast.trajectory import TrajectoryError, find_trajectory, open_universe
+
+SUMMARY = "summary.json"
+ENVELOPE_TABLE = "envelope.csv"
+SPEED_TABLE = "speeds.csv"
+FIGURE_FOLDER = "figures"
+
+TRACKED_PARTICLES = 6
+
+# What a run must keep to, as parts of the launch energy or of the envelope's size.
+LEDGER_LIMIT = 1e-6
+MAGNETIC_WORK_LIMIT = 1e-6
+SPHEROID_LIMIT = 1e-6
+
+
+@dataclass(frozen=True)
+class Check:
+    """A number that theory wants to be zero, with the limit below which it counts as zero."""
+
+    value: float
+    limit: float
+
+    @property
+    def passed(self) -> bool:
+        """Tell whether the number keeps to its limit; NaN does not."""
+        return self.value <= self.limit
+
+
+@dataclass(frozen=True)
+class Analyses:
+    """Everything that is known of a run, for its summary and its figures."""
+
+    name: str
+    universe: Universe
+    cloud: Cloud
+    case: Case | None
+    axis: np.ndarray
+    envelope: Envelope
+    speeds: Speeds
+    energy: KineticEnergy
+    ledger: EnergyLedger | None
+    expected: SpheroidTheory | str
+    tracked: list[int]
+    checks: dict[str, Check] = field(default_factory=dict)
+
+
+def analyze(
+    path: Path, axis: Sequence[float] | None = None, timestep: float | None = None
+) -> Analyses:
+    """Run every analysis on a run folder or a dump, in one pass over its trajectory.
+
+    Parameters
+    ----------
+    path
+        Run folder or dump. A `case.yaml` beside the dump is used.
+    axis
+        Direction of B, shape (3,), for a dump without a case. Without either, x.
+    timestep
+        Length of a step in s, for a dump without times.
+
+    Raises
+    ------
+    TrajectoryError, AnalysisError, CaseError
+        If the dump, the energy table or the case cannot be used.
+    """
+    dump = find_trajectory(path)
+    folder = dump.parent
+    case = load_case(folder / CASE) if (folder / CASE).is_file() else None
+    universe = open_universe(dump, timestep=timestep)
+    expected = expected_spheroid(case, universe) if case else "there is no case file"
+    direction = np.asarray(axis if axis is not None else _field_direction(case), dtype=float)
+    tracked = _spread_over(universe.atoms.n_atoms, TRACKED_PARTICLES)
+
+    envelope = Envelope(
+        universe, direction, expected if isinstance(expected, SpheroidTheory) else None
+    )
+    speeds = Speeds(universe, tracked)
+    energy = KineticEnergy(universe)
+    Together(envelope, speeds, energy).run()
+
+    table = folder / ENERGY_TABLE
+    ledger = EnergyLedger.read(table) if table.is_file() else None
+    return Analyses(
+        name=case.name if case else dump.stem,
+        universe=universe,
+        cloud=Cloud.of(universe),
+        case=case,
+        axis=direction / np.linalg.norm(direction),
+        envelope=envelope,
+        speeds=speeds,
+        energy=energy,
+        ledger=ledger,
+        expected=expected,
+        tracked=tracked,
+        checks=_checks(envelope, ledger, expected, case),
+    )
+
+
+def _field_direction(case: Case | None) -> tuple[float, float, float]:
+    """Return the direction of B; without a field every direction is as good."""
+    return case.fields.magnetic if case and any(case.fields.magnetic) else (1.0, 0.0, 0.0)
+
+
+def _spread_over(count: int, wanted: int) -> list[int]:
+    return sorted({int(i) for i in np.linspace(0, count - 1, min(wanted, count))})
+
+
+def _checks(
+    envelope: Envelope,
+    ledger: EnergyLedger | None,
+    expected: SpheroidTheory | str,
+    case: Case | None,
+) -> dict[str, Check]:
+    checks = {}
+    if ledger and ledger.launch_energy > 0.0:
+        scale = ledger.launch_energy
+        checks["energy_ledger"] = Check(_largest(ledger.residual) / scale, LEDGER_LIMIT)
+        checks["magnetic_work"] = Check(_largest(ledger.magnetic_work) / scale, MAGNETIC_WORK_LIMIT)
+    if isinstance(expected, SpheroidTheory):
+        results = envelope.results
+        axes = expected.semi_axes(results.launch_radius, results.times)
+        largest = max(_largest(a) for a in axes)
+        for name, measured, predicted in (
+            ("semi_axis_parallel", results.semi_axis_parallel, axes[0]),
+            ("semi_axis_perpendicular", results.semi_axis_perpendicular, axes[1]),
+        ):
+            if not np.isnan(measured).any():
+                checks[name] = Check(_largest(measured - predicted) / largest, SPHEROID_LIMIT)
+    return checks
+
+
+def _largest(values: np.ndarray) -> float:
+    return float(np.max(np.abs(values)))
+
+
+def write_results(
+    analyses: Analyses, folder: Path, *, figures: bool = True, wall_seconds: float | None = None
+) -> dict[str, Any]:
+    """Write tables, figures and, last, `summary.json` into a folder; return the summary.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
+    _write_table(folder / ENVELOPE_TABLE, _envelope_columns(analyses))
+    _write_table(folder / SPEED_TABLE, _speed_columns(analyses))
+    if figures:
+        from lammps_blast.figures import draw_figures  # matplotlib is slow to import
+
+        draw_figures(analyses, folder / FIGURE_FOLDER)
+    summary = summarize(analyses, wall_seconds)
+    (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    return summary
+
+
+def summarize(analyses: Analyses, wall_seconds: float | None = None) -> dict[str, Any]:
+    """Return the contents of `summary.json`; what is not known is None, never NaN."""
+    case, ledger = analyses.case, analyses.ledger
+    frames = analyses.universe.trajectory
+    summary = {
+        "name": analyses.name,
+        "particles": analyses.universe.atoms.n_atoms,
+        "steps": int(frames[-1].data["step"]) - int(frames[0].data["step"]),
+        "duration": frames[-1].time - frames[0].time,
+        "frames": len(frames),
+        "wall_seconds": wall_seconds,
+        "mass": float(analyses.cloud.mass.sum()),
+        "pulse_speed": _pulse_speed(case, analyses.cloud),
+        "energy": _energy_summary(analyses, ledger),
+        "envelope": _envelope_summary(analyses),
+        "checks": {
+            name: asdict(check) | {"passed": check.passed}
+            for name, check in analyses.checks.items()
+        },
+    }
+    return _without_nan(summary)
+
+
+def _pulse_speed(case: Case | None, cloud: Cloud) -> float | None:
+    if case is None or case.blast is None:
+        return None
+    return float(theory.pulse_speed(case.blast.energy, cloud.mass.sum()))
+
+
+def _energy_summary(analyses: Analyses, ledger: EnergyLedger | None) -> dict[str, Any]:
+    results = analyses.energy.results
+    summary = {
+        "launch": float(results.kinetic[0] + results.rotational[0]),
+        "kinetic": float(results.kinetic[-1]),
+        "rotational": float(results.rotational[-1]),
+    }
+    if ledger:
+        summary |= {
+            "electric_work": float(ledger.electric_work[-1]),
+            "drag_loss": float(ledger.drag_loss[-1]),
+            "magnetic_work": float(ledger.magnetic_work[-1]),
+            "largest_residual": _largest(ledger.residual),
+        }
+    return summary
+
+
+def _envelope_summary(analyses: Analyses) -> dict[str, Any]:
+    results, expected = analyses.envelope.results, analyses.expected
+    summary = {
+        "axis": analyses.axis.tolist(),
+        "launch_radius": results.launch_radius,
+        "centre": results.centre[-1].tolist(),
+    }
+    for name in (
+        "semi_axis_parallel",
+        "semi_axis_perpendicular",
+        "fit_residual",
+        "extent_parallel",
+        "extent_perpendicular",
+        "blast_radius",
+    ):
+        summary[name] = float(results[name][-1])
+    if isinstance(expected, SpheroidTheory):
+        parallel, perpendicular = expected.semi_axes(results.launch_radius, results.times[-1:])
+        summary["theory"] = {
+            "semi_axis_parallel": float(parallel[0]),
+            "semi_axis_perpendicular": float(perpendicular[0]),
+        }
+        summary["fraction_outside_theory"] = float(results.fraction_outside[-1])
+    else:
+        summary["theory"] = None
+        summary["no_theory_because"] = expected
+    return summary
+
+
+def _envelope_columns(analyses: Analyses) -> dict[str, np.ndarray]:
+    results, expected = analyses.envelope.results, analyses.expected
+    columns = {"time": results.times}
+    for name in (
+        "semi_axis_parallel",
+        "semi_axis_perpendicular",
+        "fit_residual",
+        "fit_residual_rms",
+        "extent_parallel",
+        "extent_perpendicular",
+        "blast_radius",
+    ):
+        columns[name] = results[name]
+    columns |= {f"centre_{axis}": results.centre[:, i] for i, axis in enumerate("xyz")}
+    if isinstance(expected, SpheroidTheory):
+        axes = expected.semi_axes(results.launch_radius, results.times)
+        columns |= {
+            "theory_parallel": axes[0],
+            "theory_perpendicular": axes[1],
+            "fraction_outside_theory": results.fraction_outside,
+        }
+    return columns
+
+
+def _speed_columns(analyses: Analyses) -> dict[str, np.ndarray]:
+    results = analyses.speeds.results
+    columns = {"time": results.times}
+    columns |= {name: results[name] for name in ("mean", "rms", "smallest", "largest")}
+    return columns | {f"mean_v{axis}": results.mean_velocity[:, i] for i, axis in enumerate("xyz")}
+
+
+def _write_table(path: Path, columns: Mapping[str, np.ndarray]) -> None:
+    with path.open("w", encoding="ascii", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*(map(float, column) for column in columns.values()), strict=True))
+
+
+def _without_nan(value: Any) -> Any:
+    """Return the value with NaN and infinities, which JSON lacks, as None."""
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def wall_seconds_of(log: Path) -> float | None:
+    """Return the seconds that LAMMPS's longest run took, from its log; None without one."""
+    try:
+        text = log.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return None
+    loops = [float(seconds) for seconds in re.findall(r"^Loop time of (\S+) on", text, re.M)]
+    return max(loops, default=None)
+
+
+def report(summary: Mapping[str, Any]) -> str:
+    """Return a few lines for people: what became of the cloud, and which checks failed."""
+    envelope, energy = summary["envelope"], summary["energy"]
+    lines = [
+        f"{summary['name']}: {summary['particles']} particles, {summary['frames']} frames,"
+        f" {summary['duration']:.4g} s",
+        f"  kinetic energy {energy['launch']:.6g} J -> {energy['kinetic']:.6g} J",
+        f"  outermost particles: {envelope['extent_parallel']:.6g} m along B,"
+        f" {envelope['extent_perpendicular']:.6g} m across",
+    ]
+    if envelope["theory"]:
+        lines.append(
+            "  spheroid, measured and exact: "
+            f"{_pair(envelope, 'semi_axis_parallel')} along B,"
+            f" {_pair(envelope, 'semi_axis_perpendicular')} across"
+        )
+    else:
+        lines.append(f"  no exact spheroid to compare with: {envelope['no_theory_because']}")
+    for name, check in summary["checks"].items():
+        verdict = "ok" if check["passed"] else f"FAILED, limit {check['limit']:g}"
+        value = "not a number" if check["value"] is None else f"{check['value']:.2e}"
+        lines.append(f"  check {name}: {value} ({verdict})")
+    return "\n".join(lines)
+
+
+def _pair(envelope: Mapping[str, Any], name: str) -> str:
+    measured, exact = envelope[name], envelope["theory"][name]
+    return f"{'none' if measured is None else format(measured, '.6g')} and {exact:.6g} m"
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Analyse a run folder or a LAMMPS dump: envelope, speeds, energies, figures."""
+    parser = argparse.ArgumentParser(
+        prog="python -m lammps_blast.analyze", description=main.__doc__
+    )
+    parser.add_argument("path", type=Path, help="run folder, or dump file")
+    parser.add_argument(
+        "--axis", type=float, nargs=3, metavar=("BX", "BY", "BZ"),
+        help="direction of B, where no case.yaml lies beside the dump",
+    )  # fmt: skip
+    parser.add_argument("--timestep", type=float, help="step in s, for a dump without times")
+    parser.add_argument("-o", "--output", type=Path, metavar="DIR", help="where results go")
+    parser.add_argument("--no-figures", action="store_true", help="numbers only")
+    options = parser.parse_args(argv)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", UserWarning)
+            analyses = analyze(options.path, options.axis, options.timestep)
+        _print_warnings(caught)
+        folder = options.output or _result_folder(options.path)
+        folder.mkdir(parents=True, exist_ok=True)
+        summary = write_results(
+            analyses,
+            folder,
+            figures=not options.no_figures,
+            wall_seconds=wall_seconds_of(find_trajectory(options.path).parent / LOG),
+        )
+    except CaseError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except (TrajectoryError, AnalysisError, OSError) as error:
+        print(f"cannot analyse {options.path}: {error}", file=sys.stderr)
+        return 3
+    print(report(summary))
+    print(f"  results in {folder}")
+    return 0
+
+
+def _print_warnings(caught: Sequence[warnings.WarningMessage]) -> None:
+    for text in dict.fromkeys(str(warning.message) for warning in caught):
+        print(f"warning: {text}", file=sys.stderr)
+
+
+def _result_folder(path: Path) -> Path:
+    """Return the run folder itself, or for a lone dump a folder beside it."""
+    return path if path.is_dir() else path.with_name(path.name + ".analysis")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,550 @@
+"""The case file: what a user asks for, read from YAML into one typed, checked, frozen model.
+
+Attribute names are the keys of the file. All quantities are in SI units. Whatever is wrong with a
+file is told as one :class:`CaseError` that lists every problem found, each on a line of its own
+that begins with the path of the key, for example ``particles.packing.domain_radius``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import io
+import reprlib
+import unicodedata
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PrivateAttr,
+    Tag,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+MAX_FILE_BYTES = 2**18
+# LAMMPS counts the steps of one `run` in a 32-bit integer.
+MAX_STEPS = 2**31 - 1
+# A duration is a whole number of steps when it misses one by less than this part of itself.
+WHOLE_STEPS_TOLERANCE = 1e-6
+
+_NOT_YET = "not supported yet by this version of lammps-blast"
+_NOT_YET_KEYS = {("contact",), ("bond",), ("near_field",), ("time", "implicit")}
+
+
+class CaseError(ValueError):
+    """A case that cannot be run as it stands.
+
+    Attributes
+    ----------
+    problems : tuple of str
+        One line each; ``str()`` of the error is all of them, one per line.
+    """
+
+    def __init__(self, *problems: str) -> None:
+        super().__init__(*problems)
+        self.problems = problems
+
+    def __str__(self) -> str:
+        return "\n".join(self.problems)
+
+
+def shown(value: object) -> str:
+    """Return a value as the user may have written it, on one line and not longer than a line."""
+    if value is None:
+        return "nothing (null)"
+    if isinstance(value, bool):
+        return str(value).lower()
+    brief = reprlib.Repr()
+    brief.maxlevel, brief.maxstring, brief.maxlong, brief.maxother = 2, 60, 40, 60
+    try:
+        text = brief.repr(value)
+    except ValueError:  # Python refuses to write out integers of more than 4300 digits
+        return "an enormous integer"
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def shown_path(path: Path) -> str:
+    """Return a path in full, quoted and escaped where it would not stay on one line."""
+    text = str(path)
+    return text if text.isprintable() else repr(text)
+
+
+class _InconsistentError(ValueError):
+    """Problems of values that are fine one by one, as pairs of a key path and a text.
+
+    The key paths start below the place where the validator that raises this sits.
+    """
+
+    def __init__(self, *problems: tuple[tuple[str, ...], str]) -> None:
+        super().__init__("; ".join(text for _, text in problems))
+        self.problems = problems
+
+
+def _as_vector(value: object) -> object:
+    """Let a YAML list of three stand for a vector; its components are checked as numbers later."""
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        raise ValueError("must be a list of three numbers [x, y, z]")
+    return tuple(value)
+
+
+def _without_control_characters(value: str) -> str:
+    if any(unicodedata.category(character) in {"Cc", "Cs", "Zl", "Zp"} for character in value):
+        raise ValueError("must be one line of text without control characters")
+    return value
+
+
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+Vector = Annotated[tuple[float, float, float], BeforeValidator(_as_vector)]
+ZERO_VECTOR = (0.0, 0.0, 0.0)
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(
+        frozen=True, strict=True, extra="forbid", allow_inf_nan=False, hide_input_in_errors=True
+    )
+
+
+class Packing(_Section):
+    """How equal spheres are placed inside a spherical domain of radius `domain_radius` (m)."""
+
+    method: Literal["rsa"] = "rsa"
+    domain_radius: float = Field(gt=0, le=1e100, description="a length in m")
+    relax: bool = False
+
+    @field_validator("relax")
+    @classmethod
+    def _relaxation_comes_later(cls, relax: bool) -> bool:
+        if relax:
+            raise ValueError(_NOT_YET)
+        return relax
+
+
+class PackedParticles(_Section):
+    """Equal spheres at rest, placed by a packing method.
+
+    `radius` in m, `density` in kg/m3, `charge_per_mass` in C/kg. A part `positive_fraction` of the
+    particles carries `charge_per_mass`, the rest its opposite.
+    """
+
+    count: int = Field(ge=1, lt=2**31, description="a number of particles")
+    radius: Positive = Field(description="a length in m")
+    density: Positive = Field(description="a density in kg/m3")
+    charge_per_mass: float = Field(description="a number in C/kg")
+    positive_fraction: float = Field(ge=0, le=1, default=1.0)
+    packing: Packing = Field(description="a section with at least `domain_radius`")
+
+    @field_validator("packing")
+    @classmethod
+    def _one_particle_fits(cls, packing: Packing, info: ValidationInfo) -> Packing:
+        radius = info.data.get("radius")
+        if radius is not None and radius > packing.domain_radius:
+            text = f"must be at least the particle radius {radius!r}, got {packing.domain_radius!r}"
+            raise _InconsistentError((("domain_radius",), text))
+        return packing
+
+
+class ParticlesFromFile(_Section):
+    """Particles read from a CSV file; a relative path starts at the folder of the case file."""
+
+    file: str = Field(min_length=1, description="the path of a CSV file")
+    allow_overlap: bool = False
+
+    _check_file = field_validator("file")(_without_control_characters)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _not_packed_as_well(cls, section: Any) -> Any:
+        packed = [key for key in PackedParticles.model_fields if key in section]
+        if packed:
+            raise ValueError(
+                "either packed or read from a file, not both; "
+                f"remove `file` or remove `{'`, `'.join(packed)}`"
+            )
+        return section
+
+
+class Blast(_Section):
+    """The pulse that starts the motion; `energy` in J (W in eq. 3.4)."""
+
+    energy: Positive = Field(description="an energy in J")
+
+
+class Fields(_Section):
+    """Uniform external fields (eq. 2.1); `electric` in V/m, `magnetic` in T."""
+
+    electric: Vector = ZERO_VECTOR
+    magnetic: Vector = ZERO_VECTOR
+
+
+class Medium(_Section):
+    """The surrounding medium and its drag law (sections 3.1 and 4).
+
+    `density` in kg/m3, `viscosity` in Pa s, `velocity` in m/s; `drag_coefficient` (C_D in eq. 3.6)
+    goes with `drag: constant` only.
+    """
+
+    drag: Literal["none", "constant", "chow", "stokes"] = "none"
+    density: NonNegative = Field(default=0.0, validate_default=True)
+    viscosity: NonNegative = Field(default=0.0, validate_default=True)
+    velocity: Vector = ZERO_VECTOR
+    drag_coefficient: Positive | None = Field(default=None, validate_default=True)
+
+    @field_validator("density", "viscosity")
+    @classmethod
+    def _enough_for_the_law(cls, value: float, info: ValidationInfo) -> float:
+        needed_by = {"density": {"constant", "chow"}, "viscosity": {"chow", "stokes"}}
+        drag = info.data.get("drag")
+        if value == 0 and drag in needed_by[str(info.field_name)]:
+            raise ValueError(f"must be greater than 0 with `drag: {drag}`")
+        return value
+
+    @field_validator("drag_coefficient")
+    @classmethod
+    def _constant_law_only(cls, value: float | None, info: ValidationInfo) -> float | None:
+        drag = info.data.get("drag")
+        if drag == "constant" and value is None:
+            raise ValueError("must be a number greater than 0 with `drag: constant`")
+        if drag not in {"constant", None} and value is not None:
+            raise ValueError(f"goes with `drag: constant` only, not with `drag: {drag}`")
+        return value
+
+
+class Time(_Section):
+    """Simulated time `duration` (s), time step `step` (s) and the scheme that takes the steps."""
+
+    duration: Positive = Field(description="a length of time in s")
+    step: Positive = Field(description="a length of time in s")
+    integrator: Literal["lorentz", "verlet"] = "lorentz"
+
+    @property
+    def steps(self) -> int:
+        """Number of time steps of the run."""
+        return round(self.duration / self.step)
+
+    @field_validator("step")
+    @classmethod
+    def _divides_the_duration(cls, step: float, info: ValidationInfo) -> float:
+        duration = info.data.get("duration")
+        if duration is None:
+            return step
+        if step > duration:
+            raise ValueError(f"must be at most the duration {duration!r}")
+        if duration / step > MAX_STEPS:
+            raise ValueError(
+                f"must be at least {duration / MAX_STEPS:.3g}, for at most {MAX_STEPS} steps"
+            )
+        if _whole_steps(duration, step) is None:
+            fitting = duration / round(duration / step)
+            raise ValueError(
+                f"must divide the duration {duration!r} into whole steps; the nearest step that "
+                f"does is {fitting:.9g}"
+            )
+        return step
+
+
+class Output(_Section):
+    """What is written and how often.
+
+    `interval` (s) between frames and `restart_interval` (s) between restart files may be left out
+    of the file; in a loaded case both are resolved to numbers, whole multiples of the time step.
+    """
+
+    interval: Positive | None = None
+    forces: bool = False
+    format: Literal["text", "binary"] = "text"
+    restart_interval: Positive | None = None
+
+
+def _kind_of_particles(section: object) -> str:
+    from_file = isinstance(section, ParticlesFromFile) or (
+        isinstance(section, dict) and "file" in section
+    )
+    return "file" if from_file else "packed"
+
+
+AnyParticles = Annotated[
+    Annotated[PackedParticles, Tag("packed")] | Annotated[ParticlesFromFile, Tag("file")],
+    Discriminator(_kind_of_particles),
+]
+
+
+class Case(_Section):
+    """One simulation, completely described.
+
+    Made by :func:`load_case` or :func:`parse_case`. `fields`, `medium` and `output` have defaults;
+    without `blast` there is no pulse.
+    """
+
+    name: str = Field(
+        pattern=r"\A[a-z0-9_-]{1,80}\z", description="1 to 80 of the characters a-z, 0-9, _ and -"
+    )
+    title: str = Field(max_length=200, default="")
+    seed: int = Field(ge=0, lt=2**31, default=1)
+    particles: AnyParticles = Field(description="a section that packs particles or names a file")
+    blast: Blast | None = None
+    fields: Fields = Fields()
+    medium: Medium = Medium()
+    time: Time = Field(description="a section with at least `duration` and `step`")
+    output: Output = Field(default=Output(), validate_default=True)
+
+    _folder: Path = PrivateAttr(default=Path())
+
+    _check_title = field_validator("title")(_without_control_characters)
+
+    def model_post_init(self, context: Any) -> None:
+        """Remember the folder that relative paths start from."""
+        if context is not None:
+            self._folder = context["folder"]
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the case file, where a relative `particles.file` starts."""
+        return self._folder
+
+    @property
+    def output_every(self) -> int:
+        """Number of steps from one frame to the next."""
+        assert self.output.interval is not None  # resolved when `output` was checked
+        return round(self.output.interval / self.time.step)
+
+    @property
+    def restart_every(self) -> int:
+        """Number of steps from one restart file to the next."""
+        assert self.output.restart_interval is not None  # resolved when `output` was checked
+        return round(self.output.restart_interval / self.time.step)
+
+    @field_validator("output")
+    @classmethod
+    def _in_whole_steps(cls, output: Output, info: ValidationInfo) -> Output:
+        time = info.data.get("time")
+        if time is None:
+            return output
+        intervals = {
+            "interval": output.interval or _part_of(time, 100),
+            "restart_interval": output.restart_interval or _part_of(time, 10),
+        }
+        problems = [
+            ((key,), f"must be a whole number of steps of {time.step!r}, got {interval!r}")
+            for key, interval in intervals.items()
+            if _whole_steps(interval, time.step) is None
+        ]
+        if intervals["interval"] > time.duration * (1 + WHOLE_STEPS_TOLERANCE):
+            text = f"must be at most the duration {time.duration!r}, got {output.interval!r}"
+            problems.append((("interval",), text))
+        if problems:
+            raise _InconsistentError(*problems)
+        return output.model_copy(update=intervals)
+
+
+def _whole_steps(length: float, step: float) -> int | None:
+    """Return the number of steps in a length of time, None if it is not whole or out of range."""
+    ratio = length / step
+    if not 0.5 <= ratio <= MAX_STEPS:
+        return None
+    steps = round(ratio)
+    return steps if abs(steps - ratio) <= WHOLE_STEPS_TOLERANCE * ratio else None
+
+
+def _part_of(time: Time, parts: int) -> float:
+    """Return the duration over a number of parts, rounded to whole steps and at least one."""
+    interval = max(1, round(time.steps / parts)) * time.step
+    # 0.01, and not the 0.010000000000000002 that the product may give.
+    return float(f"{interval:.12g}")
+
+
+def load_case(path: Path) -> Case:
+    """Read a case file.
+
+    Raises
+    ------
+    CaseError
+        If the file cannot be read or is not a valid case; it lists every problem.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(MAX_FILE_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise CaseError(f"{shown_path(path)}: cannot be read: {reason}") from None
+    if len(content) > MAX_FILE_BYTES:
+        raise CaseError(f"{shown_path(path)}: larger than {MAX_FILE_BYTES // 1024} KiB")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise CaseError(f"{shown_path(path)}: not a text file in UTF-8") from None
+    return parse_case(text, path.parent)
+
+
+def parse_case(source: str | Mapping[str, Any], folder: Path) -> Case:
+    """Check a case given as YAML text, or as the mapping that such a text stands for.
+
+    Parameters
+    ----------
+    source
+        The text or the mapping.
+    folder
+        Where a relative `particles.file` starts.
+
+    Raises
+    ------
+    CaseError
+        If it is not a valid case; it lists every problem.
+    """
+    content = _parse_yaml(source) if isinstance(source, str) else source
+    if content is None:
+        raise CaseError("the case is empty; it needs at least `name`, `particles` and `time`")
+    if not isinstance(content, Mapping):
+        raise CaseError(f"the case must be a mapping of keys to values, got {shown(content)}")
+    try:
+        return Case.model_validate(dict(content), context={"folder": Path(folder)})
+    except ValidationError as error:
+        raise CaseError(*_problems(error)) from None
+
+
+def dump_case(case: Case) -> str:
+    """Return a case as YAML with every default spelled out; it parses back to an equal case."""
+    yaml = _yaml()
+    # None writes the innermost collections on one line.
+    yaml.default_flow_style = None
+    yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]
+    yaml.allow_unicode = True
+    yaml.width = 4096
+    stream = io.StringIO()
+    yaml.dump(case.model_dump(mode="json"), stream)
+    return stream.getvalue()
+
+
+def _yaml() -> YAML:
+    # The pure loader follows YAML 1.2, where 1e4 is a number and `no` is a word.
+    return YAML(typ="safe", pure=True)
+
+
+def _parse_yaml(text: str) -> Any:
+    try:
+        return _yaml().load(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        what = _one_line(error.problem or error.context)
+        raise CaseError(f"{where}not valid YAML: {what}") from None
+    except RecursionError:
+        raise CaseError("not valid YAML: nested too deeply") from None
+    # The loader passes on what int() and others say of scalars such as a 5000-digit number.
+    except (YAMLError, ValueError, OverflowError) as error:
+        raise CaseError(f"not valid YAML: {_one_line(error)}") from None
+
+
+def _one_line(message: object) -> str:
+    # Messages of the loader quote the file, which may hold escape sequences for a terminal.
+    line = " ".join(str(message).split())[:200]
+    return line if line.isprintable() else repr(line)
+
+
+def _problems(error: ValidationError) -> Iterator[str]:
+    """Yield every problem that pydantic found, in the words of the case file."""
+    for detail in error.errors(include_url=False):
+        location = detail["loc"]
+        cause = detail.get("ctx", {}).get("error")
+        if isinstance(cause, _InconsistentError):
+            for key, text in cause.problems:
+                yield f"{_key_path((*location, *key))}: {text}"
+        elif detail["type"] == "invalid_key":
+            location = (*location[:-1], str(location[-1]))
+            yield f"{_key_path(location)}: a key must be text, got {shown(detail['input'])}"
+        else:
+            yield f"{_key_path(location)}: {_explanation(detail)}"
+
+
+def _key_path(location: tuple[int | str, ...]) -> str:
+    """Return `particles.packing.radius` or `fields.magnetic[2]` for a location of pydantic's."""
+    path = ""
+    for part in _without_tag(location):
+        if isinstance(part, int):
+            path += f"[{part}]"
+        else:
+            path += f".{part if part.isidentifier() and len(part) <= 60 else shown(part)}"
+    return path.removeprefix(".")
+
+
+def _without_tag(location: tuple[int | str, ...]) -> tuple[int | str, ...]:
+    if location[:1] == ("particles",) and len(location) > 1:
+        return (location[0], *location[2:])
+    return location
+
+
+_WHAT_IS_ALLOWED = {
+    "model_type": "must be a section of keys and values",
+    "model_attributes_type": "must be a section of keys and values",
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "bool_type": "must be true or false",
+    "string_type": "must be text (in quotes if it looks like a number or a date)",
+    "finite_number": "must be a finite number, not infinity and not NaN",
+    "greater_than": "must be greater than {gt:g}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "less_than": "must be less than {lt}",
+    "less_than_equal": "must be at most {le:g}",
+    "literal_error": "must be {expected}",
+    "string_pattern_mismatch": "must be 1 to 80 of the characters a-z, 0-9, _ and -",
+    "string_too_long": "must be at most {max_length} characters long",
+    "string_too_short": "must not be empty",
+}
+
+
+def _explanation(detail: Any) -> str:
+    """Return what is allowed where one error of pydantic's occurred, and what was given."""
+    location, kind = detail["loc"], detail["type"]
+    if kind == "missing":
+        section, key = location[:-1], str(location[-1])
+        return f"missing, must be {_SECTIONS[section].model_fields[key].description}"
+    if kind == "extra_forbidden":
+        return _about_unknown_key(location)
+    if location == ("time", "integrator") and detail["input"] == "implicit":
+        return f"{_NOT_YET}, got 'implicit'"
+    context = detail.get("ctx", {})
+    if kind == "value_error":
+        allowed = str(context["error"])
+    else:
+        allowed = _WHAT_IS_ALLOWED.get(kind, detail["msg"]).format(**context)
+    if isinstance(detail["input"], dict) and kind == "value_error":
+        return allowed
+    return f"{allowed}, got {shown(detail['input'])}"
+
+
+_SECTIONS: dict[tuple[int | str, ...], type[_Section]] = {
+    (): Case,
+    ("particles", "packed"): PackedParticles,
+    ("particles", "packed", "packing"): Packing,
+    ("particles", "file"): ParticlesFromFile,
+    ("blast",): Blast,
+    ("fields",): Fields,
+    ("medium",): Medium,
+    ("time",): Time,
+    ("output",): Output,
+}
+
+
+def _about_unknown_key(location: tuple[int | str, ...]) -> str:
+    if location in _NOT_YET_KEYS:
+        return _NOT_YET
+    section, key = location[:-1], location[-1]
+    if section == ("particles", "packed") and key in ParticlesFromFile.model_fields:
+        return "goes with `particles.file` only"
+    known = list(_SECTIONS[section].model_fields)
+    nearest = difflib.get_close_matches(str(key), known, n=1)
+    if nearest:
+        return f"unknown key, did you mean `{nearest[0]}`?"
+    return f"unknown key, known here: {', '.join(known)}"

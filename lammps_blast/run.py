@@ -1,0 +1,145 @@
+"""Run a case from beginning to end: `python -m lammps_blast.run case.yaml`.
+
+Exit status: 0 done; 2 the case is invalid, nothing was written; 3 the run failed; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from pathlib import Path
+
+from rich.console import Console
+
+from lammps_blast.case import Case, CaseError, load_case
+from lammps_blast.deck import (
+    CASE,
+    DECK,
+    ENERGY_TABLE,
+    PARTICLE_DATA,
+    RESTART_FOLDER,
+    TRAJECTORIES,
+    write_deck,
+    write_resolved_case,
+)
+from lammps_blast.engine import LOG, EngineError, InterruptedRunError, run_deck
+from lammps_blast.particles import Particles, create_particles
+
+DONE, INVALID, FAILED, INTERRUPTED = 0, 2, 3, 130
+
+
+class FolderError(RuntimeError):
+    """The output folder cannot be used; `str()` says why and what to do."""
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run a case: pack, launch, simulate, analyse, draw."""
+    options = _options(argv)
+    console = Console(stderr=True, quiet=options.quiet)
+    try:
+        case = load_case(options.case)
+        particles = create_particles(case)
+    except CaseError as error:
+        print(f"{options.case}: not a case that can be run\n{error}", file=sys.stderr)
+        return INVALID
+    try:
+        summary = run_case(case, particles, options, console)
+    except InterruptedRunError as interruption:
+        print(interruption, file=sys.stderr)
+        return INTERRUPTED
+    except (FolderError, EngineError) as error:
+        print(error, file=sys.stderr)
+        return FAILED
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+    print(summary)
+    return DONE
+
+
+def _options(argv: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m lammps_blast.run", description=main.__doc__)
+    parser.add_argument("case", type=Path, help="case file, YAML")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="run folder, default runs/NAME")
+    parser.add_argument("--force", action="store_true", help="replace a run that is in the way")
+    parser.add_argument("--no-figures", action="store_true", help="numbers only")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    return parser.parse_args(argv)
+
+
+def run_case(
+    case: Case, particles: Particles, options: argparse.Namespace, console: Console
+) -> str:
+    """Run a case in its folder and return a report of it.
+
+    Raises
+    ------
+    FolderError
+        If the folder cannot be written, or holds a run.
+    EngineError, InterruptedRunError
+        If LAMMPS fails, or the user stops it.
+    """
+    folder = options.output or Path("runs") / case.name
+    if folder.resolve() == case.folder.resolve():
+        raise FolderError(f"{folder} holds the case file itself: give another folder (--output)")
+    try:
+        prepare_folder(folder, force=options.force)
+        write_resolved_case(case, folder)
+        write_deck(case, particles, folder)
+    except OSError as error:
+        raise FolderError(f"cannot write the run folder {folder}: {error}") from error
+    console.print(f"{case.name}: {len(particles)} particles, {case.time.steps} steps in {folder}")
+    wall_seconds = run_deck(folder, case.time.steps, case.time.step, console)
+    return analyze_run(folder, wall_seconds, figures=not options.no_figures)
+
+
+def prepare_folder(folder: Path, *, force: bool) -> None:
+    """Make a folder ready for a run; with `force`, a run that is in it goes, and nothing else.
+
+    Raises
+    ------
+    FolderError
+        If there is a run in it and `force` is false.
+    OSError
+        If it cannot be made, or cleared.
+    """
+    from lammps_blast.analyze import ENVELOPE_TABLE, FIGURE_FOLDER, SPEED_TABLE, SUMMARY
+
+    if (folder / SUMMARY).exists() and not force:
+        raise FolderError(f"{folder} holds a finished run: give --force to replace it")
+    if any((folder / name).exists() for name in TRAJECTORIES.values()) and not force:
+        raise FolderError(f"{folder} holds an unfinished run: give --force to replace it")
+    folder.mkdir(parents=True, exist_ok=True)
+    products = (CASE, DECK, PARTICLE_DATA, ENERGY_TABLE, LOG, ENVELOPE_TABLE, SPEED_TABLE, SUMMARY)
+    for name in (*products, *TRAJECTORIES.values()):
+        (folder / name).unlink(missing_ok=True)
+    for name in (FIGURE_FOLDER, RESTART_FOLDER):
+        shutil.rmtree(folder / name, ignore_errors=True)
+
+
+def analyze_run(folder: Path, wall_seconds: float, *, figures: bool) -> str:
+    """Analyse the run in a folder, write the results there, and return a report.
+
+    Raises
+    ------
+    EngineError
+        If what LAMMPS left cannot be analysed.
+    FolderError
+        If results cannot be written.
+    """
+    from lammps_blast.analysis import AnalysisError
+    from lammps_blast.analyze import analyze, report, write_results
+    from lammps_blast.trajectory import TrajectoryError
+
+    try:
+        summary = write_results(analyze(folder), folder, figures=figures, wall_seconds=wall_seconds)
+    except (TrajectoryError, AnalysisError) as error:
+        raise EngineError(f"the run ended, but cannot be analysed: {error}") from error
+    except OSError as error:
+        raise FolderError(f"cannot write results into {folder}: {error}") from error
+    return f"{report(summary)}\n  results in {folder}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,323 @@
+"""The particles: the law of the packing, its limits, and files of particles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import pdist
+
+from lammps_blast.case import CaseError, parse_case
+from lammps_blast.particles import (
+    PackingError,
+    ParticleFileError,
+    Particles,
+    _Room,
+    create_particles,
+    deepest_overlap,
+    pack_spheres,
+    read_particles,
+)
+
+HEADER = "x,y,z,radius,density,charge_per_mass"
+
+
+@pytest.mark.parametrize(
+    ("count", "fraction"),
+    [(1, 1.0), (1, 0.001), (2, 0.1), (20, 0.2), (2000, 0.25), (2000, 0.34), (1000, 1e-20)],
+)
+def test_packed_spheres_lie_inside_and_apart(count: int, fraction: float) -> None:
+    radius = 2.0 * (fraction / count) ** (1 / 3)
+    centres = pack_spheres(count, radius, 2.0, np.random.default_rng(3))
+    assert centres.shape == (count, 3)
+    assert np.all(np.linalg.norm(centres, axis=1) + radius <= 2.0)
+    assert np.all(pdist(centres) >= 2 * radius)
+
+
+def test_the_seed_decides_the_packing() -> None:
+    first, again, other = (
+        pack_spheres(500, 0.08, 1.0, np.random.default_rng(seed)) for seed in (5, 5, 6)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_a_dilute_packing_is_uniform_in_the_ball_of_centres() -> None:
+    count, radius = 20_000, 1e-3
+    centres = pack_spheres(count, radius, 1.0, np.random.default_rng(11))
+    distance = np.linalg.norm(centres, axis=1)
+    volume_inside = (distance / (1 - radius)) ** 3
+    cosine, azimuth = centres[:, 2] / distance, np.arctan2(centres[:, 1], centres[:, 0])
+    for variate, low, high in (
+        (volume_inside, 0, 1),
+        (cosine, -1, 1),
+        (azimuth, -np.pi, np.pi),
+    ):
+        counts, _ = np.histogram(variate, bins=50, range=(low, high))
+        assert counts.sum() == count
+        assert stats.chisquare(counts).pvalue > 1e-3
+
+
+def add_one_by_one(
+    count: int, radius: float, domain_radius: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Random sequential addition as it is defined."""
+    centres: list[np.ndarray] = []
+    while len(centres) < count:
+        centre = rng.uniform(-domain_radius, domain_radius, 3)
+        inside = np.linalg.norm(centre) + radius <= domain_radius
+        if inside and all(np.linalg.norm(centre - other) >= 2 * radius for other in centres):
+            centres.append(centre)
+    return np.array(centres)
+
+
+def test_the_packing_follows_the_law_of_addition_one_by_one() -> None:
+    # Six such spheres leave little room for the last: the cells are divided in most trials.
+    count, radius, trials = 6, 0.3, 500
+    packings = {
+        pack: [pack(count, radius, 1.0, np.random.default_rng([seed, 7])) for seed in range(trials)]
+        for pack in (pack_spheres, add_one_by_one)
+    }
+    for measure in (
+        lambda centres: np.linalg.norm(centres[0]),
+        lambda centres: np.linalg.norm(centres[1]),
+        lambda centres: np.linalg.norm(centres[-1]),
+        lambda centres: pdist(centres).min(),
+        lambda centres: pdist(centres).mean(),
+    ):
+        samples = [[measure(centres) for centres in group] for group in packings.values()]
+        assert stats.ks_2samp(*samples).pvalue > 1e-3
+
+
+def test_divided_room_holds_every_possible_centre() -> None:
+    radius, rng = 0.1, np.random.default_rng(2)
+    placed = pack_spheres(150, radius, 1.0, rng)
+    room = _Room.of_domain(radius, 1.0)
+    points = room.draw(300_000, rng)
+    possible = points[cKDTree(placed).query(points)[0] >= 2 * radius]
+    assert len(possible) > 1000
+    volumes = []
+    for _ in range(3):
+        room = room.divided(placed)
+        nearest_middle = cKDTree(room.corners + room.edge / 2).query(possible, p=np.inf)[0]
+        assert np.all(nearest_middle <= room.edge / 2 * (1 + 1e-9))
+        volumes.append(len(room.corners) * room.edge**3)
+    assert volumes == sorted(volumes, reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("count", "radius", "reached"),
+    [(2, 0.5, 1), (2, 0.51, 1), (3, 0.49, None), (2000, 0.06, None), (2000, 0.07, None)],
+)
+def test_spheres_that_do_not_fit_are_refused(
+    count: int, radius: float, reached: int | None
+) -> None:
+    with pytest.raises(PackingError) as caught:
+        pack_spheres(count, radius, 1.0, np.random.default_rng(1))
+    message = str(caught.value)
+    assert f"of {count} spheres" in message
+    assert f"{count * radius**3:.3f} asked" in message
+    for key in ("particles.count", "particles.radius", "particles.packing.domain_radius"):
+        assert key in message
+    if reached is not None:
+        assert f"only {reached} of" in message
+
+
+@pytest.mark.parametrize(("count", "radius"), [(2_000_000_000, 0.05), (2, 1.0), (1, 1.001)])
+def test_the_inconceivable_is_refused_at_once(count: int, radius: float) -> None:
+    with pytest.raises(PackingError, match=r"no packing of equal spheres fills more than 0\.74"):
+        pack_spheres(count, radius, 1.0, np.random.default_rng(1))
+
+
+def packed_case(**particles: object) -> dict[str, object]:
+    section = {
+        "count": 7,
+        "radius": 0.05,
+        "density": 7000.0,
+        "charge_per_mass": 10.0,
+        "packing": {"domain_radius": 1.0},
+    }
+    return {
+        "name": "packed",
+        "particles": {**section, **particles},
+        "time": {"duration": 1, "step": 0.1},
+    }
+
+
+@pytest.mark.parametrize(("fraction", "positive"), [(1.0, 7), (0.0, 0), (0.4, 3), (0.6, 4)])
+def test_packed_particles_are_at_rest_with_the_asked_charges(
+    fraction: float, positive: int
+) -> None:
+    case = parse_case(packed_case(positive_fraction=fraction), Path())
+    particles = create_particles(case)
+    assert len(particles) == 7
+    np.testing.assert_array_equal(particles.velocity, 0)
+    np.testing.assert_array_equal(particles.angular_velocity, 0)
+    np.testing.assert_allclose(particles.mass, 3.6652, rtol=1e-5)
+    assert np.sum(particles.charge_per_mass == 10.0) == positive
+    assert np.sum(particles.charge_per_mass == -10.0) == 7 - positive
+    np.testing.assert_array_equal(particles.charge, particles.charge_per_mass * particles.mass)
+    np.testing.assert_array_equal(particles.position, create_particles(case).position)
+
+
+def test_which_particles_are_positive_is_drawn() -> None:
+    particles = create_particles(
+        parse_case(packed_case(count=400, radius=0.01, positive_fraction=0.5), Path())
+    )
+    positive = particles.charge_per_mass > 0
+    assert positive.sum() == 200
+    assert 60 < positive[:200].sum() < 140
+
+
+@pytest.mark.parametrize(
+    "extreme", [{"radius": 1e-150}, {"density": 1e308, "charge_per_mass": 1e308}]
+)
+def test_masses_beyond_floating_point_are_refused(extreme: dict[str, float]) -> None:
+    with pytest.raises(CaseError, match="range of floating-point"):
+        create_particles(parse_case(packed_case(**extreme), Path()))
+
+
+def write_file(folder: Path, text: str) -> Path:
+    path = folder / "particles.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_file_with_all_columns_in_any_order(tmp_path: Path) -> None:
+    path = write_file(
+        tmp_path,
+        "wx,wy,wz,density, radius ,x,y,z,vz,vy,vx,charge_per_mass\n"
+        "1,2,3,7e3,.5,0,0,0,6,5,4,-10\n\n"
+        "0,0,0,1,0.25, 5 ,-5,1e-3,0,0,0,0\n",
+    )
+    particles = read_particles(path)
+    np.testing.assert_array_equal(particles.position, [[0, 0, 0], [5, -5, 1e-3]])
+    np.testing.assert_array_equal(particles.velocity, [[4, 5, 6], [0, 0, 0]])
+    np.testing.assert_array_equal(particles.angular_velocity, [[1, 2, 3], [0, 0, 0]])
+    np.testing.assert_array_equal(particles.radius, [0.5, 0.25])
+    np.testing.assert_array_equal(particles.density, [7000, 1])
+    np.testing.assert_array_equal(particles.charge_per_mass, [-10, 0])
+
+
+def test_a_case_finds_its_file_beside_it(tmp_path: Path) -> None:
+    write_file(tmp_path, f"\ufeff{HEADER}\r\n0,0,0,1,1,1\r\n")
+    source = {**packed_case(), "particles": {"file": "particles.csv"}}
+    particles = create_particles(parse_case(source, tmp_path))
+    assert isinstance(particles, Particles)
+    np.testing.assert_array_equal(particles.velocity, [[0, 0, 0]])
+
+
+ROW = "0,0,0,1,1,1"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", "line 1: must be a header"),
+        (f"{HEADER}\n", "no particles"),
+        (f"x,y,z,radius,density\n{ROW}", "line 1: column 'charge_per_mass': missing"),
+        (f"x,y,z,raduis,density,charge_per_mass\n{ROW}", "did you mean 'radius'"),
+        (f"{HEADER},sign\n{ROW},1", "'sign': not supported yet"),
+        (f"{HEADER},colour\n{ROW},1", "column 'colour': unknown column, known: x, y"),
+        (f"{HEADER},x\n{ROW},1", "column 'x': given 2 times"),
+        (f"{HEADER},vx,vz\n{ROW},1,1", "column 'vy': missing; give all of vx,vy,vz or none"),
+        (f"{HEADER},wz\n{ROW},1", "column 'wx': missing"),
+        (f"{HEADER}\n{ROW}\n5,0,zero,1,1,1", "line 3: column 'z': must be a number, got 'zero'"),
+        (f"{HEADER}\n5,,0,1,1,1", "line 2: column 'y': must be a number, got ''"),
+        (f"{HEADER}\n1_0,0,0,1,1,1", "line 2: column 'x': must be a number"),
+        (f"{HEADER}\nnan,0,0,1,1,1", "line 2: column 'x': must be a finite number, got 'nan'"),
+        (f"{HEADER}\n0,0,0,1,1,1e999", "column 'charge_per_mass': must be a finite number"),
+        (f"{HEADER}\n0,0,0,0,1,1", "column 'radius': must be greater than 0, got '0'"),
+        (f"{HEADER}\n0,0,0,1,-1,1", "column 'density': must be greater than 0, got '-1'"),
+        (f"{HEADER}\n\n{ROW}\n0,0,0", "line 4: must have 6 fields as the header has, got 3"),
+        (f"{HEADER}\n{ROW},7", "line 2: must have 6 fields as the header has, got 7"),
+        (f'{HEADER}\n"0,0,0,1,1,1', "not CSV"),
+        (f"{HEADER}\n{'9' * 200_000},0,0,1,1,1", "line 2: not CSV"),
+        (f"{HEADER}\n\x00\x1b,0,0,1,1,1", "line 2"),
+        (
+            f"{HEADER}\n{ROW}\n5,0,0,1,1,1\n0.5,0,0,1,1,1",
+            "lines 2 and 4: .* distance 0.5 m, .* 2 m",
+        ),
+        (f"{HEADER}\n{ROW}\n{ROW}", "lines 2 and 3: .* distance 0 m"),
+    ],
+)
+def test_bad_files_are_told_line_and_column(tmp_path: Path, text: str, expected: str) -> None:
+    path = write_file(tmp_path, text)
+    with pytest.raises(ParticleFileError, match=expected) as caught:
+        read_particles(path)
+    for problem in caught.value.problems:
+        assert problem.startswith(f"particles.file: {path}: ")
+        assert problem.isprintable()
+
+
+def test_a_file_full_of_errors_is_cut_short(tmp_path: Path) -> None:
+    path = write_file(tmp_path, HEADER + "\na,b,c,d,e,f" * 1000)
+    with pytest.raises(ParticleFileError, match="further lines") as caught:
+        read_particles(path)
+    assert 20 <= len(caught.value.problems) < 30
+
+
+@pytest.mark.parametrize("content", [None, b"\xff\xfe\x00\x01"])
+def test_files_that_cannot_be_read(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "particles.csv"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ParticleFileError, match=r"No such file|not a text file"):
+        read_particles(path)
+    with pytest.raises(ParticleFileError, match="cannot be read"):
+        read_particles(tmp_path)
+
+
+def test_overlaps_are_accepted_on_request(tmp_path: Path) -> None:
+    path = write_file(tmp_path, f"{HEADER}\n{ROW}\n{ROW}")
+    assert len(read_particles(path, allow_overlap=True)) == 2
+
+
+def test_touching_spheres_do_not_overlap() -> None:
+    along = 0.1 * np.arange(50)
+    position = np.stack([along, np.zeros(50), np.zeros(50)], axis=1)
+    assert deepest_overlap(position, np.full(50, 0.05)) is None
+    assert deepest_overlap(position, np.full(50, 0.05 * (1 + 1e-6))) is not None
+
+
+def depths(position: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    distance = np.linalg.norm(position[:, None] - position, axis=-1)
+    overlap = radius[:, None] + radius - distance
+    np.fill_diagonal(overlap, -np.inf)
+    return overlap
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.5, 4.0])
+@pytest.mark.parametrize("size", [0.002, 0.01, 0.05])
+@pytest.mark.parametrize("seed", range(6))
+def test_deepest_overlap_as_by_brute_force(spread: float, size: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    position = rng.random((300, 3))
+    radius = size * np.exp(spread * rng.normal(size=300) - spread**2)
+    expected = depths(position, radius)
+    pair = deepest_overlap(position, radius)
+    if expected.max() <= 0:
+        assert pair is None
+    else:
+        assert pair is not None
+        assert expected[pair] == pytest.approx(expected.max(), rel=1e-6)
+
+
+def test_overlaps_of_one_huge_sphere_among_many_small_ones() -> None:
+    rng = np.random.default_rng(4)
+    direction = rng.normal(size=(50_000, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    position = np.concatenate([direction * rng.uniform(1.001, 3, (50_000, 1)), [[0, 0, 0]]])
+    radius = np.append(np.full(50_000, 1e-7), 1.0)
+    assert deepest_overlap(position, radius) is None
+    position[123] *= 0.9 / np.linalg.norm(position[123])
+    assert set(deepest_overlap(position, radius) or ()) == {123, 50_000}
+
+
+def test_many_spheres_in_one_place_are_found_at_once() -> None:
+    radius = np.random.default_rng(0).uniform(1, 2, 100_000)
+    pair = deepest_overlap(np.zeros((100_000, 3)), radius)
+    assert set(pair or ()) == set(np.argsort(radius)[-2:])

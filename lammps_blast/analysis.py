@@ -233,10 +233,12 @@ def _fit_launch_map(
     perpendicular = _slope(_complex(moved), _complex(turned))
     residual = moved - _mapped(turned, parallel, perpendicular)
     distance = np.linalg.norm(residual, axis=1)
-    shifts = {
-        s: _mirrored(moved_mean - _mapped(turned_mean, parallel, perpendicular), np.array(s))
-        for s, (turned_mean, moved_mean) in means.items()
-    }
+    shifts = {}
+    if np.isfinite(parallel) and np.isfinite(perpendicular):
+        shifts = {
+            s: _mirrored(moved_mean - _mapped(turned_mean, parallel, perpendicular), np.array(s))
+            for s, (turned_mean, moved_mean) in means.items()
+        }
     return _LaunchMap(
         float(parallel.real),
         complex(perpendicular),

@@ -148,6 +148,7 @@ atom_style hybrid sphere charge
 boundary s s s
 # Particles do not interact: no neighbours are needed, ranks only share the work.
 atom_modify sort 0 0.0
+neighbor 0.0 bin
 comm_modify cutoff 1.0e-9
 neigh_modify every 1000 delay 0 check no
 read_data {PARTICLE_DATA}

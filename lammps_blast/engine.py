@@ -61,16 +61,17 @@ def run_deck(folder: Path, steps: int, step: float, console: Console | None = No
     InterruptedRunError
         If the user pressed Ctrl-C.
     """
-    deck_run = _DeckRun(folder, step)
+    deck_run = _DeckRun(step)
     started = time.perf_counter()
-    thread = threading.Thread(target=deck_run.execute, name="LAMMPS", daemon=True)
     with _inside(folder):
-        thread.start()
+        threading.Thread(target=deck_run.execute, name="LAMMPS", daemon=True).start()
         try:
-            _watch(thread, deck_run, steps, step, console)
+            _watch(deck_run, steps, step, console)
         except KeyboardInterrupt:
             deck_run.stop()
-            thread.join()
+            deck_run.ended.wait()
+    if deck_run.lammps_error is not None:
+        raise EngineError(_explanation(deck_run.lammps_error, folder))
     if deck_run.failure:
         raise deck_run.failure
     return time.perf_counter() - started
@@ -79,13 +80,15 @@ def run_deck(folder: Path, steps: int, step: float, console: Console | None = No
 class _DeckRun:
     """One deck in one LAMMPS instance, which lives and dies in the thread that calls `execute`."""
 
-    def __init__(self, folder: Path, step: float) -> None:
-        self._folder = folder
+    def __init__(self, step: float) -> None:
         self._step = step
-        self._lammps = None
+        self._lammps: Any = None
         self._counter: ctypes.c_int64 | None = None
         self._stop = threading.Event()
+        # Not Thread.join: a Ctrl-C during a join makes Python take the thread for ended.
+        self.ended = threading.Event()
         self.failure: Exception | None = None
+        self.lammps_error: str | None = None
 
     @property
     def steps_done(self) -> int:
@@ -103,21 +106,24 @@ class _DeckRun:
             self._execute_deck()
         except (EngineError, InterruptedRunError) as failure:
             self.failure = failure
-        except Exception as failure:
-            self.failure = EngineError(_explanation(str(failure), self._folder))
+        except Exception as error:
+            self.lammps_error = str(error)
         finally:
-            if self._lammps is not None:
-                self._counter = None
-                self._lammps.close()
+            self._close()
+            self.ended.set()
 
     def _execute_deck(self) -> None:
         self._counter = _step_counter(self._lammps)
-        if self._stop.is_set():
-            raise InterruptedRunError(0.0)
-        self._lammps.file(DECK)
+        if not self._stop.is_set():
+            self._lammps.file(DECK)
         if self._stop.is_set():
             self._lammps.command(f"write_restart {INTERRUPTED_RESTART}")
             raise InterruptedRunError(self.steps_done * self._step)
+
+    def _close(self) -> None:
+        self._counter = None
+        if self._lammps is not None:
+            self._lammps.close()
 
 
 def start_lammps(log: str = LOG) -> Any:
@@ -170,55 +176,64 @@ def _inside(folder: Path) -> Iterator[None]:
 
 def _explanation(lammps_message: str, folder: Path) -> str:
     """Return LAMMPS's own message with the line of the deck that it stopped at."""
-    message = lammps_message.strip()
-    text = f"LAMMPS stopped: {message}"
-    last = re.search(r"Last (?:input line|command): *(.*)", message)
-    if last and (number := _line_number(folder / DECK, last.group(1))):
-        text += f"\nin {folder / DECK}, line {number}"
+    text = f"LAMMPS stopped: {lammps_message.strip()}"
+    log = _lines(folder / LOG)
+    # LAMMPS names the command for most errors; its log repeats every command before obeying it.
+    last = re.findall(r"Last (?:input line|command): *(.*)", lammps_message)
+    for command in (*last, *reversed(log)):
+        if number := _line_number(folder / DECK, command):
+            text += f"\nin {folder / DECK}, line {number}"
+            break
     return f"{text}\nthe whole story is in {folder / LOG}"
 
 
 def _line_number(deck: Path, command: str) -> int | None:
     """Return the number of the deck's line that begins this command, where it can be told."""
     wanted = command.split()
-    for number, line in enumerate(deck.read_text(encoding="ascii").splitlines(), start=1):
+    for number, line in enumerate(_lines(deck), start=1):
         words = line.removesuffix("&").split()
-        if words and words == wanted[: len(words)]:
+        if words and not words[0].startswith("#") and words == wanted[: len(words)]:
             return number
     return None
 
 
-def _watch(
-    thread: threading.Thread, run: _DeckRun, steps: int, step: float, console: Console | None
-) -> None:
+def lammps_warnings(folder: Path) -> list[str]:
+    """Return what LAMMPS warned of in the run of a folder, each warning once."""
+    found = [line for line in _lines(folder / LOG) if line.startswith("WARNING: ")]
+    # A remark on how atom styles are combined, which is so on purpose in every deck.
+    return [text for text in dict.fromkeys(found) if "Atom style hybrid defines both" not in text]
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return []
+
+
+def _watch(run: _DeckRun, steps: int, step: float, console: Console | None) -> None:
     if console is None:
-        thread.join()
+        run.ended.wait()
     elif console.is_terminal:
-        _watch_with_bar(thread, run, steps, step, console)
+        _watch_with_bar(run, steps, step, console)
     else:
-        _watch_with_lines(thread, run, steps, step, console)
+        _watch_with_lines(run, steps, step, console)
 
 
-def _watch_with_bar(
-    thread: threading.Thread, run: _DeckRun, steps: int, step: float, console: Console
-) -> None:
+def _watch_with_bar(run: _DeckRun, steps: int, step: float, console: Console) -> None:
     columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[report]}"))
     meter = _Meter(steps, step)
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("run", total=steps, report="")
-        while thread.is_alive():
-            thread.join(_POLL_SECONDS)
+        while not run.ended.wait(_POLL_SECONDS):
             done = run.steps_done
             progress.update(task, completed=done, report=meter.report(done))
 
 
-def _watch_with_lines(
-    thread: threading.Thread, run: _DeckRun, steps: int, step: float, console: Console
-) -> None:
+def _watch_with_lines(run: _DeckRun, steps: int, step: float, console: Console) -> None:
     meter = _Meter(steps, step)
     next_line = steps / _PLAIN_LINES
-    while thread.is_alive():
-        thread.join(_POLL_SECONDS)
+    while not run.ended.wait(_POLL_SECONDS):
         done = run.steps_done
         if next_line <= done < steps:
             console.print(meter.report(done), highlight=False)

@@ -23,7 +23,7 @@ from lammps_blast.deck import (
     write_deck,
     write_resolved_case,
 )
-from lammps_blast.engine import LOG, EngineError, InterruptedRunError, run_deck
+from lammps_blast.engine import LOG, EngineError, InterruptedRunError, lammps_warnings, run_deck
 from lammps_blast.particles import Particles, create_particles
 
 DONE, INVALID, FAILED, INTERRUPTED = 0, 2, 3, 130
@@ -91,6 +91,8 @@ def run_case(
         raise FolderError(f"cannot write the run folder {folder}: {error}") from error
     console.print(f"{case.name}: {len(particles)} particles, {case.time.steps} steps in {folder}")
     wall_seconds = run_deck(folder, case.time.steps, case.time.step, console)
+    for warning in lammps_warnings(folder):
+        console.print(warning, highlight=False, markup=False)
     return analyze_run(folder, wall_seconds, figures=not options.no_figures)
 
 

@@ -19,6 +19,7 @@ units si
 atom_style hybrid sphere charge
 atom_modify map array sort 0 0.0
 boundary s s s
+neighbor 0.0 bin
 comm_modify cutoff 1.0e-9
 neigh_modify every 1000 delay 0 check no
 read_data particles.data

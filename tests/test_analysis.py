@@ -1,0 +1,178 @@
+"""The analyses against clouds whose envelope is known because it was made so."""
+
+import json
+
+import numpy as np
+import pytest
+from conftest import blast
+
+from lammps_blast.analysis import (
+    AnalysisError,
+    EnergyLedger,
+    Envelope,
+    KineticEnergy,
+    Speeds,
+    Together,
+)
+from lammps_blast.analyze import analyze
+from lammps_blast.trajectory import open_universe
+
+AXIS = np.array([1.0, 2.0, -2.0]) / 3.0
+FIRST = np.array([2.0, 1.0, 2.0]) / 3.0  # with SECOND and AXIS a right-handed frame
+SECOND = np.cross(AXIS, FIRST)
+COLUMNS = "id type mass radius q x y z vx vy vz omegax omegay omegaz"
+
+
+def write_dump(path, frames, *, columns=COLUMNS, **properties):
+    """Write a text dump; each frame is (time, position, velocity, angular velocity)."""
+    with path.open("w") as file:
+        for step, (time, position, velocity, spin) in enumerate(frames):
+            count = len(position)
+            values = {
+                "id": np.arange(1, count + 1),
+                "type": np.ones(count),
+                "mass": properties.get("mass", np.ones(count)),
+                "radius": properties.get("radius", np.full(count, 0.1)),
+                "q": properties.get("q", np.ones(count)),
+            }
+            values |= dict(zip(("x", "y", "z"), position.T, strict=True))
+            values |= dict(zip(("vx", "vy", "vz"), velocity.T, strict=True))
+            values |= dict(zip(("omegax", "omegay", "omegaz"), spin.T, strict=True))
+            file.write(f"ITEM: TIME\n{time!r}\nITEM: TIMESTEP\n{step}\n")
+            file.write(f"ITEM: NUMBER OF ATOMS\n{count}\nITEM: BOX BOUNDS ss ss ss\n")
+            file.write("-9 9\n-9 9\n-9 9\n" + f"ITEM: ATOMS {columns}\n")
+            table = np.column_stack([values[name] for name in columns.split()])
+            formats = ["%d" if name in ("id", "type") else "%.17g" for name in columns.split()]
+            np.savetxt(file, table, fmt=formats)
+    return path
+
+
+def known_cloud(count=300, *, opposite=False, noise=0.0):
+    """Return launch points and what a launch map with a shift for each sign makes of them."""
+    rng = np.random.default_rng(1)
+    launch = rng.normal(size=(count, 3))
+    launch *= (rng.random(count) ** (1 / 3) / np.linalg.norm(launch, axis=1))[:, None]
+    launch -= launch.mean(axis=0)
+    launch += [5.0, -3.0, 2.0]
+    offset = launch - launch.mean(axis=0)
+    direction = offset / np.linalg.norm(offset, axis=1)[:, None]
+    charge = np.where(opposite & (np.arange(count) % 2 == 1), -1.0, 1.0)
+    parallel, perpendicular = 1.7, 0.3 - 0.4j
+    across = direction @ FIRST + 1j * (direction @ SECOND)
+    turned = np.where(charge > 0, perpendicular * across, np.conj(perpendicular) * across)
+    shift = charge[:, None] * np.array([0.2, 0.5, -0.1])
+    moved = (
+        launch
+        + parallel * (direction @ AXIS)[:, None] * AXIS
+        + turned.real[:, None] * FIRST
+        + turned.imag[:, None] * SECOND
+        + shift
+        + noise * rng.normal(size=(count, 3))
+    )
+    return launch, moved, charge, (parallel, perpendicular)
+
+
+def envelope_of(tmp_path, launch, moved, charge):
+    zeros = np.zeros_like(launch)
+    frames = [(0.0, launch, zeros, zeros), (0.5, moved, zeros, zeros)]
+    path = write_dump(tmp_path / "dump", frames, q=charge)
+    return Envelope(open_universe(path), 7.0 * AXIS).run().results
+
+
+@pytest.mark.parametrize("opposite", [False, True], ids=["one sign", "both signs"])
+def test_fit_finds_the_spheroid_that_was_put_in(tmp_path, opposite):
+    launch, moved, charge, (parallel, perpendicular) = known_cloud(opposite=opposite)
+    results = envelope_of(tmp_path, launch, moved, charge)
+    radius = np.linalg.norm(launch - launch.mean(axis=0), axis=1).max()
+    assert results.launch_radius == pytest.approx(radius, rel=1e-14)
+    assert results.semi_axis_parallel == pytest.approx([radius, radius + parallel], rel=1e-13)
+    across = abs(radius + perpendicular)
+    assert results.semi_axis_perpendicular == pytest.approx([radius, across], rel=1e-13)
+    assert results.fit_residual[1] < 1e-13
+    shift = (charge[:, None] * [0.2, 0.5, -0.1]).mean(axis=0)
+    assert results.centre[1] == pytest.approx(launch.mean(axis=0) + shift, abs=1e-13)
+    assert results.times == pytest.approx([0.0, 0.5])
+
+
+def test_residual_measures_the_distance_from_a_spheroid(tmp_path):
+    launch, moved, charge, _ = known_cloud(2000, noise=1e-3)
+    results = envelope_of(tmp_path, launch, moved, charge)
+    assert results.fit_residual_rms[1] == pytest.approx(1e-3 * np.sqrt(3), rel=0.05)
+    assert results.fit_residual[1] > 2 * results.fit_residual_rms[1]
+
+
+def test_extents_are_those_of_the_outermost_particles(tmp_path):
+    launch = np.array([[0.0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
+    launch = np.vstack([launch, -launch[5]])
+    moved = launch * [3.0, 2.0, 2.0]
+    zeros = np.zeros_like(launch)
+    path = write_dump(tmp_path / "dump", [(0.0, launch, zeros, zeros), (1.0, moved, zeros, zeros)])
+    results = Envelope(open_universe(path), [1, 0, 0]).run().results
+    assert results.extent_parallel == pytest.approx([1.0, 3.0])
+    assert results.extent_perpendicular == pytest.approx([1.0, 2.0])
+    assert results.blast_radius == pytest.approx([1.0, 3.0])
+
+
+def test_speeds_and_energies(tmp_path):
+    rng = np.random.default_rng(2)
+    mass, radius = rng.uniform(1, 2, 50), rng.uniform(0.1, 0.2, 50)
+    frames = [(0.1 * i, *rng.normal(size=(3, 50, 3))) for i in range(4)]
+    path = write_dump(tmp_path / "dump", frames, mass=mass, radius=radius)
+    universe = open_universe(path)
+    speeds, energy = Speeds(universe, [7, 3]), KineticEnergy(universe)
+    Together(speeds, energy).run(start=1)
+    for i, (_, _, velocity, spin) in enumerate(frames[1:]):
+        speed = np.linalg.norm(velocity, axis=1)
+        assert speeds.results.mean[i] == pytest.approx(speed.mean())
+        assert speeds.results.largest[i] == pytest.approx(speed.max())
+        assert speeds.results.tracked_velocity[i] == pytest.approx(velocity[[7, 3]])
+        assert energy.results.kinetic[i] == pytest.approx(0.5 * np.sum(mass * speed**2))
+        inertia = 0.4 * mass * radius**2
+        rotational = 0.5 * np.sum(inertia * np.sum(spin**2, axis=1))
+        assert energy.results.rotational[i] == pytest.approx(rotational)
+    assert speeds.results.times == pytest.approx([0.1, 0.2, 0.3])
+
+
+def test_missing_columns_and_axes_are_named(tmp_path):
+    launch, moved, _charge, _ = known_cloud(10)
+    zeros = np.zeros_like(launch)
+    frames = [(0.0, launch, zeros, zeros), (0.5, moved, zeros, zeros)]
+    bare = open_universe(write_dump(tmp_path / "bare", frames, columns="id type x y z"))
+    with pytest.raises(AnalysisError, match="vx vy vz"):
+        Speeds(bare)
+    with pytest.raises(AnalysisError, match="mass"):
+        Envelope(bare, AXIS).run()
+    whole = open_universe(write_dump(tmp_path / "whole", frames))
+    for axis in ([0, 0, 0], [np.nan, 0, 1], [1, 0]):
+        with pytest.raises(AnalysisError, match="direction"):
+            Envelope(whole, axis)
+
+
+def test_lone_dump_is_analysed_with_a_given_axis(tmp_path):
+    launch, moved, _charge, (parallel, _) = known_cloud(100)
+    zeros = np.zeros_like(launch)
+    frames = [(0.0, launch, zeros, zeros), (0.5, moved, zeros, zeros)]
+    write_dump(tmp_path / "a dump", frames, columns=COLUMNS.replace("radius q ", ""))
+    done = blast("analyze", "a dump", "--axis", *AXIS, "--no-figures", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "a dump.analysis" / "summary.json").read_text())
+    radius = np.linalg.norm(launch - launch.mean(axis=0), axis=1).max()
+    assert summary["envelope"]["semi_axis_parallel"] == pytest.approx(radius + parallel)
+    assert summary["envelope"]["theory"] is None
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "time\n", "a,b\n1,2\n", "time,kinetic,rotational,electric_work,drag_loss,magnetic_work\n"],
+)
+def test_damaged_energy_tables_are_refused(tmp_path, text):
+    (tmp_path / "energy.csv").write_text(text)
+    with pytest.raises(AnalysisError, match=r"energy\.csv"):
+        EnergyLedger.read(tmp_path / "energy.csv")
+
+
+def test_analysis_of_nothing_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="no such file"):
+        analyze(tmp_path / "nowhere")
+    with pytest.raises(ValueError, match="holds neither"):
+        analyze(tmp_path)

@@ -1,0 +1,263 @@
+"""The documentation: its examples run, its tables name what exists, its links lead somewhere."""
+
+import importlib
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY, lmp, random_cloud
+from pydantic import BaseModel
+
+from lammps_blast import case as case_module
+from lammps_blast.analyze import analyze, summarize, write_results
+from lammps_blast.case import load_case, parse_case
+from lammps_blast.deck import ENERGY_ACCOUNTS, write_deck, write_resolved_case
+from lammps_blast.particles import create_particles
+from lammps_blast.trajectory import open_universe
+
+DOCS = REPOSITORY / "docs"
+README = REPOSITORY / "README.md"
+PAGES = [*sorted(DOCS.rglob("*.md")), README]
+SHIPPED_CASE = REPOSITORY / "lammps_inputs" / "magnetic_blast" / "case.yaml"
+CASE_PAGE, STYLES_PAGE, PHYSICS_PAGE = (
+    (DOCS / name).read_text(encoding="utf-8") for name in ("case.md", "styles.md", "physics.md")
+)
+
+
+def blocks(text: str, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.M | re.S)
+
+
+def name_of(path: Path) -> str:
+    return str(path.relative_to(REPOSITORY))
+
+
+# --- examples -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("text", blocks(CASE_PAGE, "yaml"))
+def test_cases_of_the_case_page_are_valid(text, tmp_path):
+    (tmp_path / "particles.csv").write_text(blocks(CASE_PAGE, "csv")[0])
+    assert len(create_particles(parse_case(text, tmp_path))) > 0
+
+
+@pytest.mark.parametrize("text", blocks(README.read_text(encoding="utf-8"), "yaml"))
+def test_cases_of_the_readme_are_valid(text, tmp_path):
+    """What the README shows is a whole case, or lines to put into the shipped one."""
+    if not text.startswith("name:"):
+        own = set(re.findall(r"^(\w+):", text, re.M))
+        sections = re.split(r"^(?=\w+:)", SHIPPED_CASE.read_text(encoding="utf-8"), flags=re.M)
+        text += "".join(part for part in sections[1:] if part.split(":")[0] not in own)
+    parse_case(text, tmp_path)
+
+
+def test_examples_of_a_run_work_one_after_the_other(tmp_path, monkeypatch):
+    """Deck, `lmp`, analysis, both Python examples and the resumed run, on the page's first case."""
+    case = parse_case(blocks(CASE_PAGE, "yaml")[0], tmp_path)
+    folder = tmp_path / "runs" / case.name
+    folder.mkdir(parents=True)
+    write_resolved_case(case, folder)
+    write_deck(case, create_particles(case), folder)
+    done = lmp("-in", "in.blast", folder=folder)
+    assert done.returncode == 0, done.stdout
+
+    analyses = analyze(folder)
+    write_results(analyses, folder, figures=False)
+    for table in ("energy", "envelope", "speeds"):
+        with (folder / f"{table}.csv").open() as file:
+            for column in file.readline().strip().split(","):
+                assert f"`{column}`" in CASE_PAGE, f"column {column} of {table}.csv"
+    summary = summarize(analyses)
+    for key in [*summary, *summary["energy"], *summary["envelope"], *summary["checks"]]:
+        assert f"`{key}`" in CASE_PAGE, f"key {key} of summary.json"
+
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    for text in blocks(CASE_PAGE, "python"):
+        exec(text, names)
+    assert names["envelope"].results.semi_axis_parallel[-1] > 2.0
+
+    # The page's input reads the state of an interrupted run; the deck left such states as well.
+    shutil.copy(folder / "restart" / "blast.1", folder / "restart" / "blast.interrupted")
+    (text,) = blocks(CASE_PAGE, "lammps")
+    (folder / "in.resume").write_text(text)
+    done = lmp("-in", "in.resume", folder=folder)
+    assert done.returncode == 0, done.stdout
+    whole = open_universe(folder).trajectory[-1]
+    resumed = open_universe(folder / "second_part.lammpstrj").trajectory[-1]
+    assert resumed.time == pytest.approx(case.time.duration, rel=1e-12)
+    assert resumed.data["position"] == pytest.approx(whole.data["position"], abs=1e-12)
+
+
+STYLE_BLOCKS = blocks(STYLES_PAGE, "lammps")
+EXAMPLE_BLOCKS = re.findall(r"^### Examples\n\n```lammps\n(.*?)^```$", STYLES_PAGE, re.M | re.S)
+
+
+def test_complete_input_runs_with_lmp_alone(tmp_path):
+    (complete,) = (text for text in STYLE_BLOCKS if text.startswith("units"))
+    (tmp_path / "in.example").write_text(complete)
+    done = lmp("-in", "in.example", folder=tmp_path)
+    assert done.returncode == 0, done.stdout
+    assert re.search(r"Loop time of \S+ on 1 procs for 1000 steps with 100 atoms", done.stdout)
+
+
+def test_example_lines_of_the_styles_run(simulate):
+    lines = [line for text in EXAMPLE_BLOCKS for line in text.splitlines()]
+    parts = [t for t in STYLE_BLOCKS if t not in EXAMPLE_BLOCKS and not t.startswith("units")]
+    assert len(EXAMPLE_BLOCKS) == 4
+    assert parts
+    simulation = simulate(random_cloud(10, seed=1, velocity=[1.0, 2.0, 3.0]))
+    for commands in [*lines, *parts]:
+        simulation.commands("group dust id 1:5\ntimestep 1.0e-4")
+        before = simulation.velocity
+        simulation.commands(f"{commands}\nrun 2")
+        if commands.startswith("blast_pulse"):
+            assert np.abs(simulation.velocity - before).max() > 0.1
+        undo(simulation, commands)
+
+
+def undo(simulation, commands):
+    """Take away the fixes, computes and dumps that some commands made, for others to follow."""
+    for line in reversed(commands.splitlines()):
+        kind, name = line.split()[:2]
+        if kind in ("fix", "compute", "dump"):
+            simulation.commands(f"un{kind} {name}")
+        elif kind == "variable":
+            simulation.commands(f"variable {name} delete")
+
+
+# --- what the pages name --------------------------------------------------------------------
+
+MODELS = [
+    thing
+    for thing in vars(case_module).values()
+    if isinstance(thing, type) and issubclass(thing, BaseModel) and thing is not BaseModel
+]
+
+
+def test_every_key_of_a_case_is_on_the_case_page():
+    keys = {key for model in MODELS for key in model.model_fields}
+    assert {"name", "charge_per_mass", "drag_coefficient", "restart_interval"} <= keys
+    in_tables = set(re.findall(r"^\| `(?:\w+\.)?(\w+)` \|", CASE_PAGE, re.M))
+    assert keys <= in_tables, keys - in_tables
+
+
+def test_every_choice_of_a_case_is_on_the_case_page():
+    for model in MODELS:
+        for key, field in model.model_fields.items():
+            for choice in getattr(field.annotation, "__args__", ()):
+                if isinstance(choice, str):
+                    assert f"`{choice}`" in CASE_PAGE, f"{key}: {choice}"
+
+
+def test_keys_said_to_be_not_supported_are_refused_as_such(tmp_path):
+    text = SHIPPED_CASE.read_text(encoding="utf-8")
+    section = CASE_PAGE.split("## Not supported yet")[1]
+    refused = {
+        "contact": text + "contact: {law: zohdi}\n",
+        "bond": text + "bond: {}\n",
+        "near_field": text + "near_field: {}\n",
+        "particles.packing.relax": text.replace("rsa,", "rsa, relax: true,"),
+        "time.integrator": text.replace("step: 1.0e-4", "step: 1.0e-4, integrator: implicit"),
+        "time.implicit": text.replace("step: 1.0e-4", "step: 1.0e-4, implicit: {phi: 0.5}"),
+    }
+    for key, case in refused.items():
+        assert f"`{key}" in section
+        with pytest.raises(case_module.CaseError, match=f"^{key}: not supported yet"):
+            parse_case(case, tmp_path)
+
+
+def test_energy_accounts_are_on_the_case_page():
+    for account in ENERGY_ACCOUNTS:
+        assert f"| `{account}` |" in CASE_PAGE
+
+
+def test_what_the_physics_page_names_exists():
+    named = re.findall(r"`([\w/]+\.(?:h|cpp|py))::(\w+)`", PHYSICS_PAGE)
+    assert len(named) > 50
+    for file, name in named:
+        if file.endswith(".py"):
+            module = importlib.import_module(f"lammps_blast.{Path(file).stem}")
+            assert hasattr(module, name), f"{file}::{name}"
+        else:
+            source = (REPOSITORY / "cpp_plugins" / file).read_text(encoding="utf-8")
+            # Defined there: a struct, or a function that begins its line (not a call).
+            assert re.search(
+                rf"^struct {name}\b|^(?!\s)[\w:<> ]*[\w>] (?:\w+::)?{name}\(", source, re.M
+            ), f"{file}::{name}"
+
+
+def test_every_law_and_closed_form_is_on_the_physics_page():
+    """Public functions of theory.py that state physics must be found from their equation."""
+    theory = importlib.import_module("lammps_blast.theory")
+    own = {n for n, f in vars(theory).items() if getattr(f, "__module__", "") == theory.__name__}
+    helpers = {"main", "DragLaw", "SlowingPhase", "drag_coefficient", "drag_resistance"}
+    helpers |= {"terminal_displacement"}
+    public = {name for name in own if not name.startswith("_")} - helpers
+    missing = {name for name in public if f"theory.py::{name}`" not in PHYSICS_PAGE}
+    assert not missing
+
+
+def test_numbers_of_the_physics_page_are_those_of_the_shipped_case():
+    from lammps_blast.derived_numbers import derive_numbers
+
+    numbers = derive_numbers(load_case(SHIPPED_CASE))
+    for name, shown in {
+        "particle_mass": "3.6652 kg",
+        "pulse_speed": "1.6518 m/s",
+        "cyclotron_radius": "0.016518 m",
+        "force_ratio_unit_coefficient": "46,126",
+    }.items():
+        assert f"| {shown} |" in PHYSICS_PAGE
+        value = float(shown.split()[0].replace(",", ""))
+        assert numbers[name].value == pytest.approx(value, rel=2e-5)
+
+
+def test_every_style_of_the_plugin_has_its_section():
+    source = (REPOSITORY / "cpp_plugins" / "plugin.cpp").read_text(encoding="utf-8")
+    kinds = re.findall(r'entry\.(style|name) = "([^"]+)"', source)
+    kind, styles = "", []
+    for key, value in kinds:
+        if key == "style":
+            kind = value
+        else:
+            styles.append(value if kind == "command" else f"{kind} {value}")
+    assert len(styles) >= 4
+    for style in styles:
+        section = re.search(rf"^## {style} command\n(.*?)(?=^## |\Z)", STYLES_PAGE, re.M | re.S)
+        assert section, style
+        for heading in ("Syntax", "Examples", "Description", "Restrictions", "Related", "Default"):
+            assert f"### {heading}" in section.group(1), f"{style}: {heading}"
+
+
+# --- links ----------------------------------------------------------------------------------
+
+
+def anchors(page: Path) -> set[str]:
+    """Return the anchors of a page's headings, as GitHub makes them."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    headings = re.findall(r"^#+ (.*)$", text, re.M)
+    plain = (re.sub(r"[^\w\- ]", "", heading.strip().lower()) for heading in headings)
+    return {heading.replace(" ", "-") for heading in plain}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_relative_links_lead_somewhere(page):
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        linked = (page.parent / path).resolve() if path else page
+        assert linked.exists(), f"{name_of(page)}: {target}"
+        assert linked.is_relative_to(REPOSITORY), f"{name_of(page)}: {target}"
+        if anchor:
+            assert anchor in anchors(linked), f"{name_of(page)}: {target}"
+
+
+@pytest.mark.parametrize("name", ["case.md", "styles.md", "physics.md"])
+def test_lines_are_not_long(name):
+    for number, line in enumerate((DOCS / name).read_text(encoding="utf-8").splitlines(), 1):
+        assert len(line) <= 120 or line.startswith("|"), f"{name}, line {number}"

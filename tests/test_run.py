@@ -1,0 +1,246 @@
+"""The run command under bad input and failures: what it says, its exit status, what it leaves."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from conftest import PROGRAMS, blast
+
+from lammps_blast.analysis import EnergyLedger
+from lammps_blast.trajectory import open_universe
+
+CASE = """\
+name: small
+particles: {count: 20, radius: 0.05, density: 7000.0, charge_per_mass: 10.0,
+            packing: {domain_radius: 1.0}}
+blast: {energy: 100.0}
+fields: {magnetic: [10, 0, 0]}
+medium: {density: 1.225, viscosity: 1.8e-5, drag: chow}
+time: {duration: 0.01, step: 1.0e-4}
+output: {interval: 0.001}
+"""
+
+BAD_CASES = {
+    "unknown key": (CASE + "colour: blue\n", "colour"),
+    "misspelt key": (CASE.replace("density: 7000", "densty: 7000"), "did you mean `density`"),
+    "wrong type": (CASE.replace("0.05", "wide"), "particles.radius"),
+    "nan": (CASE.replace("100.0", ".nan"), "blast.energy"),
+    "negative radius": (CASE.replace("0.05", "-0.05"), "particles.radius"),
+    "step above duration": (CASE.replace("step: 1.0e-4", "step: 1.0"), "time.step"),
+    "empty": ("", "empty"),
+    "shell in the name": (CASE.replace("small", '"small\\nshell touch hacked"'), "name"),
+    "cannot be packed": (CASE.replace("count: 20", "count: 9000"), "particles.count"),
+    "contact": (CASE + "contact: {law: zohdi}\n", "not supported yet"),
+    "implicit": (CASE.replace("step: 1.0e-4}", "step: 1.0e-4, integrator: implicit}"), "not supp"),
+    "file missing": (
+        "name: a\nparticles: {file: none.csv}\ntime: {duration: 1, step: 0.1}\n",
+        "none.csv",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", BAD_CASES)
+def test_bad_case_is_named_and_nothing_is_written(kind, tmp_path):
+    text, named = BAD_CASES[kind]
+    (tmp_path / "case.yaml").write_text(text)
+    done = blast("run", "case.yaml", folder=tmp_path)
+    assert done.returncode == 2
+    assert named in done.stderr
+    assert "Traceback" not in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["case.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "named"),
+    [
+        ("x,y,z,radius,density\n0,0,0,0.1,1000\n", "charge_per_mass"),
+        (
+            "x,y,z,radius,density,charge_per_mass\n0,0,0,0.1,1000,1\n5,0,0,0.1,1000,1\n"
+            "5.1,0,0,0.1,1000,1\n",
+            "3 and 4",
+        ),
+    ],
+    ids=["missing column", "overlap"],
+)
+def test_bad_particle_file_is_named(tmp_path, rows, named):
+    (tmp_path / "particles.csv").write_text(rows)
+    (tmp_path / "case.yaml").write_text(
+        "name: few\nparticles: {file: particles.csv}\ntime: {duration: 1.0, step: 0.1}\n"
+    )
+    done = blast("run", "case.yaml", folder=tmp_path)
+    assert done.returncode == 2
+    assert named in done.stderr
+
+
+def test_binary_file_is_refused(tmp_path):
+    (tmp_path / "case.yaml").write_bytes(bytes(range(256)))
+    done = blast("run", "case.yaml", folder=tmp_path)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+
+
+def run(folder, *options, text=CASE):
+    (folder / "case.yaml").write_text(text)
+    return blast("run", "case.yaml", "--no-figures", *options, folder=folder)
+
+
+def test_finished_run_is_replaced_only_by_force(tmp_path):
+    assert run(tmp_path).returncode == 0
+    keepsake = tmp_path / "runs" / "small" / "notes.txt"
+    keepsake.write_text("mine")
+    before = (tmp_path / "runs" / "small" / "summary.json").read_bytes()
+    refused = run(tmp_path)
+    assert refused.returncode == 3
+    assert "--force" in refused.stderr
+    assert (tmp_path / "runs" / "small" / "summary.json").read_bytes() == before
+    assert run(tmp_path, "--force").returncode == 0
+    assert keepsake.read_text() == "mine"
+
+
+def test_folder_of_the_case_itself_is_refused(tmp_path):
+    done = run(tmp_path, "--output", ".", "--force")
+    assert done.returncode == 3
+    assert (tmp_path / "case.yaml").read_text() == CASE
+
+
+def test_folder_that_cannot_be_written(tmp_path):
+    (tmp_path / "in_the_way").write_text("a file, not a folder")
+    done = run(tmp_path, "--output", "in_the_way/run")
+    assert done.returncode == 3
+    assert "in_the_way" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_lammps_failure_is_told_with_lammps_words_and_the_line_of_the_deck(tmp_path):
+    """A folder where the trajectory should go makes LAMMPS fail."""
+    folder = tmp_path / "out"
+    (folder / "trajectory.lammpstrj").mkdir(parents=True)
+    code = (
+        "import lammps_blast.run as r, pathlib\n"
+        "r.prepare_folder = lambda folder, force: None\n"
+        "raise SystemExit(r.main(['case.yaml', '--output', 'out']))"
+    )
+    (tmp_path / "case.yaml").write_text(CASE)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 3
+    assert "ERROR" in done.stderr
+    line = int(done.stderr.split("in.blast, line ")[1].split()[0])
+    assert (folder / "in.blast").read_text().splitlines()[line - 1].startswith("run ")
+    assert "Traceback" not in done.stderr
+
+
+def test_interruption_stops_cleanly_and_keeps_the_state(tmp_path):
+    (tmp_path / "case.yaml").write_text(CASE.replace("duration: 0.01", "duration: 200.0"))
+    command = [sys.executable, "-m", "lammps_blast.run", "case.yaml"]
+    process = subprocess.Popen(
+        command,
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        # A shell may have started the tests in the background, where Ctrl-C is ignored.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    table = tmp_path / "runs" / "small" / "energy.csv"
+    deadline = time.monotonic() + 60
+    while not (table.exists() and table.read_text().count("\n") > 5):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert (table.parent / "restart" / "blast.interrupted").stat().st_size > 0
+    assert not (table.parent / "summary.json").exists()
+
+
+def test_text_and_binary_runs_are_the_same(tmp_path):
+    for form in ("text", "binary"):
+        text = CASE.replace("interval: 0.001", f"interval: 0.001, format: {form}, forces: true")
+        assert run(tmp_path, "--output", form, text=text).returncode == 0
+    universes = [open_universe(tmp_path / form) for form in ("text", "binary")]
+    for a, b in zip(*(universe.trajectory for universe in universes), strict=True):
+        assert a.time == b.time
+        for key in ("position", "velocity", "force", "torque", "mass", "q"):
+            assert a.data[key] == pytest.approx(b.data[key], rel=1e-14, abs=1e-300)
+
+
+@pytest.mark.parametrize("integrator", ["lorentz", "verlet"])
+def test_first_frame_has_the_forces_of_the_state_after_the_pulse(tmp_path, integrator):
+    text = CASE.replace("interval: 0.001", "interval: 0.001, forces: true")
+    text = text.replace("magnetic: [10, 0, 0]", "magnetic: [10, 1, 2], electric: [3, -2, 1]")
+    text = text.replace("step: 1.0e-4}", f"step: 1.0e-4, integrator: {integrator}}}")
+    assert run(tmp_path, text=text).returncode == 0
+    data = open_universe(tmp_path / "runs" / "small").trajectory[0].data
+    velocity, charge = data["velocity"], data["q"]
+    lorentz = charge[:, None] * (np.array([3.0, -2, 1]) + np.cross(velocity, [10.0, 1, 2]))
+    difference = data["force"] - lorentz
+    # What is left is drag: opposite to the velocity, and small here (the paper's lambda).
+    cosine = np.sum(difference * velocity, axis=1) / (
+        np.linalg.norm(difference, axis=1) * np.linalg.norm(velocity, axis=1)
+    )
+    assert cosine == pytest.approx(-1.0, abs=1e-5)
+    assert np.abs(difference).max() < 1e-2 * np.abs(lorentz).max()
+
+
+def test_resolved_case_repeats_the_run(tmp_path):
+    assert run(tmp_path).returncode == 0
+    resolved = tmp_path / "runs" / "small" / "case.yaml"
+    done = blast("run", resolved, "--no-figures", "--output", tmp_path / "again", folder=tmp_path)
+    assert done.returncode == 0
+    first, again = (tmp_path / "runs" / "small", tmp_path / "again")
+    for name in ("in.blast", "particles.data", "energy.csv", "trajectory.lammpstrj", "case.yaml"):
+        assert (first / name).read_bytes() == (again / name).read_bytes()
+
+
+def test_particles_from_a_file_come_along(tmp_path):
+    (tmp_path / "my particles.csv").write_text(
+        "x,y,z,radius,density,charge_per_mass,vx,vy,vz\n"
+        "0,0,0,0.1,1000,2,0,1,0\n1,0,0,0.2,2000,-2,0,0,1\n"
+    )
+    text = (
+        "name: two\nparticles: {file: my particles.csv}\nfields: {magnetic: [0, 0, 3]}\n"
+        "time: {duration: 1.0, step: 0.01}\n"
+    )
+    assert run(tmp_path, text=text).returncode == 0
+    folder = tmp_path / "runs" / "two"
+    again = blast("run", folder / "case.yaml", "--no-figures", "--output", "again", folder=tmp_path)
+    assert again.returncode == 0, again.stderr
+    ledger = EnergyLedger.read(folder / "energy.csv")
+    assert ledger.kinetic[-1] == pytest.approx(ledger.kinetic[0], rel=1e-13)
+    assert len(open_universe(tmp_path / "again").atoms) == 2
+
+
+def test_one_particle_runs_from_beginning_to_end(tmp_path):
+    text = CASE.replace("count: 20", "count: 1")
+    (tmp_path / "case.yaml").write_text(text)
+    done = blast("run", "case.yaml", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert EnergyLedger.read(tmp_path / "runs/small/energy.csv").kinetic[0] == pytest.approx(100.0)
+
+
+def test_console_script_knows_its_commands(tmp_path):
+    (tmp_path / "case.yaml").write_text(CASE)
+    for arguments, status in (
+        (["theory", "case.yaml"], 0),
+        (["deck", "case.yaml", "-o", "deck"], 0),
+        (["run", "deck/case.yaml", "--no-figures", "--quiet", "--output", "out"], 0),
+        (["analyze", "out", "--no-figures"], 0),
+        (["analyze", "out/trajectory.lammpstrj", "--no-figures", "-o", "results"], 0),
+        (["analyze", "nowhere"], 3),
+        (["explode"], 2),
+        (["--help"], 0),
+    ):
+        done = subprocess.run(
+            [PROGRAMS / "lammps-blast", *arguments],
+            cwd=tmp_path, capture_output=True, text=True, env=os.environ | {"COLUMNS": "100"},
+        )  # fmt: skip
+        assert done.returncode == status, (arguments, done.stderr)
+        assert "Traceback" not in done.stderr
+    assert (tmp_path / "results" / "summary.json").is_file()

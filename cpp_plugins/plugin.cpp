@@ -18,8 +18,8 @@ namespace {
 // The C interface of LAMMPS plugins, as its manual states it; the header that declares it is not
 // installed with LAMMPS.
 extern "C" {
-using CommandFactory = void *(*) (void *);
-using StyleFactory = void *(*) (void *, int, char **);
+using CommandFactory = void *(*)(void *);
+using StyleFactory = void *(*)(void *, int, char **);
 
 struct PluginEntry {
   const char *version, *style, *name, *info, *author;
@@ -59,7 +59,8 @@ bool built_for(void *lmp)
 
 } // namespace
 
-extern "C" __attribute__((visibility("default"))) void lammpsplugin_init(void *lmp, void *handle, void *register_function)
+extern "C" __attribute__((visibility("default"))) void lammpsplugin_init(void *lmp, void *handle,
+                                                                         void *register_function)
 {
   if (!built_for(lmp)) return;
   const auto register_style = reinterpret_cast<RegisterFunction>(register_function);

@@ -8,6 +8,7 @@ not grow with the length of a trajectory, except for a few numbers a frame.
 from __future__ import annotations
 
 import csv
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +33,10 @@ class AnalysisError(ValueError):
 
 @dataclass(frozen=True)
 class Cloud:
-    """What a trajectory says of its particles once and for all; arrays of shape (N,), SI units."""
+    """What a trajectory says of its particles once and for all; arrays of shape (N,), SI units.
+
+    A dump without masses gives each particle the same, of one kilogram, with a warning.
+    """
 
     mass: np.ndarray
     radius: np.ndarray | None
@@ -40,19 +44,14 @@ class Cloud:
 
     @classmethod
     def of(cls, universe: Universe) -> Cloud:
-        """Read masses, radii and charges of a Universe.
-
-        Raises
-        ------
-        AnalysisError
-            If the dump has no masses.
-        """
-        atoms = universe.atoms
-        if not hasattr(atoms, "masses"):
-            raise AnalysisError("the dump has no column `mass`, which this analysis needs")
+        """Read masses, radii and charges from the first frame of a Universe."""
         first = universe.trajectory[0].data
+        if "mass" not in first:
+            warnings.warn(
+                "the dump has no column `mass`: each particle counts as 1 kg", stacklevel=3
+            )
         return cls(
-            mass=np.asarray(first.get("mass", atoms.masses), dtype=float),
+            mass=first.get("mass", np.ones(universe.atoms.n_atoms)),
             radius=first.get("radius"),
             charge=first.get("q"),
         )
@@ -69,11 +68,6 @@ def expected_spheroid(case: Case, universe: Universe) -> SpheroidTheory | str:
     """Return the spheroid theorem for the cloud of a Universe, or the reason why it does not hold.
 
     The first frame must be the state right after the pulse.
-
-    Raises
-    ------
-    AnalysisError
-        If the dump has no masses.
     """
     cloud = Cloud.of(universe)
     first = universe.trajectory[0].data
@@ -81,17 +75,27 @@ def expected_spheroid(case: Case, universe: Universe) -> SpheroidTheory | str:
         return "the dump lacks velocities, radii or charges"
     if case.blast is None:
         return "the case has no blast"
-    total_mass = float(cloud.mass.sum())
-    speed = theory.pulse_speed(case.blast.energy, total_mass)
-    launched = np.linalg.norm(first["velocity"], axis=1)
+    if universe.trajectory[0].time != 0.0:
+        return "the trajectory does not begin with the pulse, at time 0"
     return spheroid_theory(
         case,
         radius=cloud.radius,
         mass=cloud.mass,
         charge_per_mass=cloud.charge / cloud.mass,
-        total_mass=total_mass,
-        at_rest_before=bool(np.all(np.abs(launched - speed) <= EQUAL_TOLERANCE * speed)),
+        speed=launch_speed(universe),
     )
+
+
+def launch_speed(universe: Universe) -> float | None:
+    """Return the speed that all particles share in the first frame (m/s); None if they do not.
+
+    The trajectory is asked, not the case: a deck may have been run with another energy.
+    """
+    velocity = universe.trajectory[0].data.get("velocity")
+    if velocity is None:
+        return None
+    speeds = np.linalg.norm(velocity, axis=1)
+    return float(speeds.mean()) if np.ptp(speeds) <= EQUAL_TOLERANCE * speeds.max() else None
 
 
 class Envelope(AnalysisBase):
@@ -128,7 +132,7 @@ class Envelope(AnalysisBase):
     Raises
     ------
     AnalysisError
-        If `axis` has no direction or the dump has no masses.
+        If `axis` has no direction.
     """
 
     def __init__(
@@ -148,7 +152,7 @@ class Envelope(AnalysisBase):
         self._launch_offset = (launch - self._launch_centre) @ self._frame_axes.T
         distance = np.linalg.norm(self._launch_offset, axis=1)
         # A particle at the centre has no launch direction of its own and leaves the fit alone.
-        self._fitted = distance > 1e-9 * distance.max(initial=0.0)
+        self._fitted = ~theory.on_centre_of_mass(launch, cloud.mass)
         self._direction = self._launch_offset / np.where(self._fitted, distance, 1.0)[:, None]
         self._sense = cloud.turning_sense
         self.results.launch_radius = float(distance.max())
@@ -302,7 +306,7 @@ class Speeds(AnalysisBase):
     Raises
     ------
     AnalysisError
-        If the dump has no velocities or no masses.
+        If the dump has no velocities.
     """
 
     def __init__(self, universe: Universe, tracked: Sequence[int] = ()) -> None:
@@ -346,7 +350,7 @@ class KineticEnergy(AnalysisBase):
     Raises
     ------
     AnalysisError
-        If the dump has no velocities or no masses.
+        If the dump has no velocities.
     """
 
     def __init__(self, universe: Universe) -> None:
@@ -434,10 +438,18 @@ class EnergyLedger:
         ------
         AnalysisError
             If the file is missing or is not such a table.
+
+        Warns
+        -----
+        UserWarning
+            If the last line was cut short, as when a run was killed; it is left out.
         """
         try:
-            with path.open(encoding="ascii", newline="") as file:
-                rows = list(csv.reader(file))
+            text = path.read_text(encoding="ascii")
+            complete, _, cut = text.rpartition("\n")
+            if cut:
+                warnings.warn(f"{path}: the last line was cut short and is left out", stacklevel=2)
+            rows = list(csv.reader(complete.splitlines()))
             table = np.array(rows[1:], dtype=float).reshape(-1, len(rows[0]))
         except (OSError, ValueError, IndexError, UnicodeDecodeError, csv.Error) as error:
             raise AnalysisError(f"{path}: not an energy table ({error})") from error

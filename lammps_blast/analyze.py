@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 from MDAnalysis import Universe
 
-from lammps_blast import theory
 from lammps_blast.analysis import (
     AnalysisError,
     Cloud,
@@ -31,6 +30,7 @@ from lammps_blast.analysis import (
     Speeds,
     Together,
     expected_spheroid,
+    launch_speed,
 )
 from lammps_blast.case import Case, CaseError, load_case
 from lammps_blast.deck import CASE, ENERGY_TABLE
@@ -74,11 +74,12 @@ class Analyses:
     case: Case | None
     axis: np.ndarray
     envelope: Envelope
-    speeds: Speeds
-    energy: KineticEnergy
+    speeds: Speeds | None
+    energy: KineticEnergy | None
     ledger: EnergyLedger | None
     expected: SpheroidTheory | str
     tracked: list[int]
+    wall_seconds: float | None
     checks: dict[str, Check] = field(default_factory=dict)
 
 
@@ -112,9 +113,10 @@ def analyze(
     envelope = Envelope(
         universe, direction, expected if isinstance(expected, SpheroidTheory) else None
     )
-    speeds = Speeds(universe, tracked)
-    energy = KineticEnergy(universe)
-    Together(envelope, speeds, energy).run()
+    speeds = energy = None
+    if "velocity" in universe.trajectory[0].data:
+        speeds, energy = Speeds(universe, tracked), KineticEnergy(universe)
+    Together(*filter(None, (envelope, speeds, energy))).run()
 
     table = folder / ENERGY_TABLE
     ledger = EnergyLedger.read(table) if table.is_file() else None
@@ -130,6 +132,7 @@ def analyze(
         ledger=ledger,
         expected=expected,
         tracked=tracked,
+        wall_seconds=wall_seconds_of(folder / LOG),
         checks=_checks(envelope, ledger, expected, case),
     )
 
@@ -171,9 +174,7 @@ def _largest(values: np.ndarray) -> float:
     return float(np.max(np.abs(values)))
 
 
-def write_results(
-    analyses: Analyses, folder: Path, *, figures: bool = True, wall_seconds: float | None = None
-) -> dict[str, Any]:
+def write_results(analyses: Analyses, folder: Path, *, figures: bool = True) -> dict[str, Any]:
     """Write tables, figures and, last, `summary.json` into a folder; return the summary.
 
     Raises
@@ -182,19 +183,19 @@ def write_results(
         If a file cannot be written.
     """
     _write_table(folder / ENVELOPE_TABLE, _envelope_columns(analyses))
-    _write_table(folder / SPEED_TABLE, _speed_columns(analyses))
+    if analyses.speeds:
+        _write_table(folder / SPEED_TABLE, _speed_columns(analyses.speeds))
     if figures:
         from lammps_blast.figures import draw_figures  # matplotlib is slow to import
 
         draw_figures(analyses, folder / FIGURE_FOLDER)
-    summary = summarize(analyses, wall_seconds)
+    summary = summarize(analyses)
     (folder / SUMMARY).write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     return summary
 
 
-def summarize(analyses: Analyses, wall_seconds: float | None = None) -> dict[str, Any]:
+def summarize(analyses: Analyses) -> dict[str, Any]:
     """Return the contents of `summary.json`; what is not known is None, never NaN."""
-    case, ledger = analyses.case, analyses.ledger
     frames = analyses.universe.trajectory
     summary = {
         "name": analyses.name,
@@ -202,10 +203,10 @@ def summarize(analyses: Analyses, wall_seconds: float | None = None) -> dict[str
         "steps": int(frames[-1].data["step"]) - int(frames[0].data["step"]),
         "duration": frames[-1].time - frames[0].time,
         "frames": len(frames),
-        "wall_seconds": wall_seconds,
+        "wall_seconds": analyses.wall_seconds,
         "mass": float(analyses.cloud.mass.sum()),
-        "pulse_speed": _pulse_speed(case, analyses.cloud),
-        "energy": _energy_summary(analyses, ledger),
+        "pulse_speed": launch_speed(analyses.universe),
+        "energy": _energy_summary(analyses),
         "envelope": _envelope_summary(analyses),
         "checks": {
             name: asdict(check) | {"passed": check.passed}
@@ -215,19 +216,15 @@ def summarize(analyses: Analyses, wall_seconds: float | None = None) -> dict[str
     return _without_nan(summary)
 
 
-def _pulse_speed(case: Case | None, cloud: Cloud) -> float | None:
-    if case is None or case.blast is None:
-        return None
-    return float(theory.pulse_speed(case.blast.energy, cloud.mass.sum()))
-
-
-def _energy_summary(analyses: Analyses, ledger: EnergyLedger | None) -> dict[str, Any]:
-    results = analyses.energy.results
-    summary = {
-        "launch": float(results.kinetic[0] + results.rotational[0]),
-        "kinetic": float(results.kinetic[-1]),
-        "rotational": float(results.rotational[-1]),
-    }
+def _energy_summary(analyses: Analyses) -> dict[str, Any]:
+    summary, ledger = {}, analyses.ledger
+    if analyses.energy:
+        results = analyses.energy.results
+        summary |= {
+            "launch": float(results.kinetic[0] + results.rotational[0]),
+            "kinetic": float(results.kinetic[-1]),
+            "rotational": float(results.rotational[-1]),
+        }
     if ledger:
         summary |= {
             "electric_work": float(ledger.electric_work[-1]),
@@ -291,8 +288,8 @@ def _envelope_columns(analyses: Analyses) -> dict[str, np.ndarray]:
     return columns
 
 
-def _speed_columns(analyses: Analyses) -> dict[str, np.ndarray]:
-    results = analyses.speeds.results
+def _speed_columns(speeds: Speeds) -> dict[str, np.ndarray]:
+    results = speeds.results
     columns = {"time": results.times}
     columns |= {name: results[name] for name in ("mean", "rms", "smallest", "largest")}
     return columns | {f"mean_v{axis}": results.mean_velocity[:, i] for i, axis in enumerate("xyz")}
@@ -315,7 +312,7 @@ def _without_nan(value: Any) -> Any:
 
 
 def wall_seconds_of(log: Path) -> float | None:
-    """Return the seconds that LAMMPS's longest run took, from its log; None without one."""
+    """Return the seconds that the longest run in LAMMPS's log took; None without a log."""
     try:
         text = log.read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -330,10 +327,11 @@ def report(summary: Mapping[str, Any]) -> str:
     lines = [
         f"{summary['name']}: {summary['particles']} particles, {summary['frames']} frames,"
         f" {summary['duration']:.4g} s",
-        f"  kinetic energy {energy['launch']:.6g} J -> {energy['kinetic']:.6g} J",
         f"  outermost particles: {envelope['extent_parallel']:.6g} m along B,"
         f" {envelope['extent_perpendicular']:.6g} m across",
     ]
+    if "kinetic" in energy:
+        lines.insert(1, f"  kinetic energy {energy['launch']:.6g} J -> {energy['kinetic']:.6g} J")
     if envelope["theory"]:
         lines.append(
             "  spheroid, measured and exact: "
@@ -379,7 +377,6 @@ def main(argv: list[str] | None = None) -> int:
             analyses,
             folder,
             figures=not options.no_figures,
-            wall_seconds=wall_seconds_of(find_trajectory(options.path).parent / LOG),
         )
     except CaseError as error:
         print(error, file=sys.stderr)

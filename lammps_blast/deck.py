@@ -19,11 +19,15 @@ from lammps_blast.particles import Particles, create_particles
 DECK = "in.blast"
 PARTICLE_DATA = "particles.data"
 CASE = "case.yaml"
+PARTICLE_TABLE = "particles.csv"
 ENERGY_TABLE = "energy.csv"
 RESTART_FOLDER = "restart"
 TEXT_TRAJECTORY = "trajectory.lammpstrj"
 BINARY_TRAJECTORY = "trajectory.lammpsbin"  # LAMMPS writes binary for .bin and .lammpsbin
 TRAJECTORIES = {"text": TEXT_TRAJECTORY, "binary": BINARY_TRAJECTORY}
+
+# Part of the cloud's width that is narrower than the share of one among very many ranks.
+SKIN_OF_CLOUD = 0.02
 
 ENERGY_ACCOUNTS = (
     "kinetic",
@@ -42,7 +46,7 @@ def write_deck(case: Case, particles: Particles, folder: Path) -> None:
     OSError
         If a file cannot be written.
     """
-    (folder / DECK).write_text(deck_text(case), encoding="ascii")
+    (folder / DECK).write_text(deck_text(case, particles), encoding="ascii")
     write_particle_data(particles, folder / PARTICLE_DATA)
 
 
@@ -58,8 +62,8 @@ def write_resolved_case(case: Case, folder: Path) -> None:
     """
     if isinstance(case.particles, ParticlesFromFile):
         source = case.folder / case.particles.file
-        shutil.copyfile(source, folder / "particles.csv")
-        own_file = case.particles.model_copy(update={"file": "particles.csv"})
+        shutil.copyfile(source, folder / PARTICLE_TABLE)
+        own_file = case.particles.model_copy(update={"file": PARTICLE_TABLE})
         case = case.model_copy(update={"particles": own_file})
     (folder / CASE).write_text(dump_case(case), encoding="utf-8")
 
@@ -99,12 +103,12 @@ def write_particle_data(particles: Particles, path: Path) -> None:
             np.savetxt(file, np.column_stack(motion), fmt=["%d"] + 6 * ["%.17g"])
 
 
-def deck_text(case: Case) -> str:
+def deck_text(case: Case, particles: Particles) -> str:
     """Return the text of `in.blast`."""
     blocks = [
         _header(case),
         _settings(case),
-        _system(),
+        _system(particles),
         _forces_and_integration(case),
         _launch(case),
         _ledger(case),
@@ -140,17 +144,19 @@ def _settings(case: Case) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _system() -> str:
+def _system(particles: Particles) -> str:
+    extent = np.ptp(particles.position, axis=0).max() + 2.0 * particles.radius.max()
     return f"""\
 units si
 atom_style hybrid sphere charge
 # A box that follows the cloud: nothing is ever lost, and bins stay as small as the cloud.
 boundary s s s
-# Particles do not interact: no neighbours are needed, ranks only share the work.
+# Particles do not interact: ranks share the work and need no ghosts. Particles change ranks once
+# one of them has moved half the skin, long before it could cross a whole rank's share of the cloud.
 atom_modify sort 0 0.0
-neighbor 0.0 bin
 comm_modify cutoff 1.0e-9
-neigh_modify every 1000 delay 0 check no
+neighbor {_number(SKIN_OF_CLOUD * extent)} bin
+neigh_modify every 1 delay 0 check yes
 read_data {PARTICLE_DATA}
 timestep ${{step}}
 """

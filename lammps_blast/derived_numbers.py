@@ -484,13 +484,14 @@ def _semi_axes(launch: _Launch, time: float | None) -> tuple[Any, Any]:
     if time is None and launch.drag.kind in ("none", "constant"):
         reason = f"{launch.drag.kind} drag: the particles travel without limit"
         return reason, reason
+    if launch.pulse_speed is None:
+        return "no blast", "no blast"
     expected = spheroid_theory(
         launch.case,
         radius=launch.radius,
         mass=theory.sphere_mass(launch.radius, launch.density),
         charge_per_mass=launch.charge_per_mass,
-        total_mass=launch.total_mass,
-        at_rest_before=launch.at_rest_before,
+        speed=launch.pulse_speed if launch.at_rest_before else None,
     )
     if isinstance(expected, str):
         return expected, expected

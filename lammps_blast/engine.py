@@ -35,15 +35,11 @@ class EngineError(RuntimeError):
 
 
 class InterruptedRunError(Exception):
-    """The run was stopped by Ctrl-C; a restart file holds the state at `time` (s)."""
-
-    def __init__(self, time: float) -> None:
-        super().__init__(f"interrupted at {time:.6g} s; the state is in {INTERRUPTED_RESTART}")
-        self.time = time
+    """The run was stopped by Ctrl-C; `str()` says when, and where the state is."""
 
 
-def run_deck(folder: Path, steps: int, step: float, console: Console | None = None) -> float:
-    """Run the deck of a folder there and return the seconds that LAMMPS took.
+def run_deck(folder: Path, steps: int, step: float, console: Console | None = None) -> None:
+    """Run the deck of a folder there.
 
     Parameters
     ----------
@@ -62,7 +58,6 @@ def run_deck(folder: Path, steps: int, step: float, console: Console | None = No
         If the user pressed Ctrl-C.
     """
     deck_run = _DeckRun(step)
-    started = time.perf_counter()
     with _inside(folder):
         threading.Thread(target=deck_run.execute, name="LAMMPS", daemon=True).start()
         try:
@@ -74,7 +69,6 @@ def run_deck(folder: Path, steps: int, step: float, console: Console | None = No
         raise EngineError(_explanation(deck_run.lammps_error, folder))
     if deck_run.failure:
         raise deck_run.failure
-    return time.perf_counter() - started
 
 
 class _DeckRun:
@@ -114,11 +108,15 @@ class _DeckRun:
 
     def _execute_deck(self) -> None:
         self._counter = _step_counter(self._lammps)
-        if not self._stop.is_set():
-            self._lammps.file(DECK)
+        if self._stop.is_set():
+            raise InterruptedRunError("interrupted before the run began")
+        self._lammps.file(DECK)
         if self._stop.is_set():
             self._lammps.command(f"write_restart {INTERRUPTED_RESTART}")
-            raise InterruptedRunError(self.steps_done * self._step)
+            reached = f"{self.steps_done * self._step:.6g} s"
+            raise InterruptedRunError(
+                f"interrupted at {reached}; the state is in {INTERRUPTED_RESTART}"
+            )
 
     def _close(self) -> None:
         self._counter = None
@@ -184,7 +182,20 @@ def _explanation(lammps_message: str, folder: Path) -> str:
         if number := _line_number(folder / DECK, command):
             text += f"\nin {folder / DECK}, line {number}"
             break
-    return f"{text}\nthe whole story is in {folder / LOG}"
+    return f"{text}\n{_advice(lammps_message)}\nthe whole story is in {folder / LOG}"
+
+
+def _advice(lammps_message: str) -> str:
+    """Return what to try after an error of LAMMPS."""
+    for sign, advice in (
+        ("Unrecognized", "is the plugin of this package installed? try: pip install ."),
+        ("annot open", "is there room on the disk, and may the folder be written?"),
+        ("Lost atoms", "particles flew out of reach: try a smaller time.step"),
+        ("Non-numeric", "numbers overflowed: try a smaller time.step, and check the units"),
+    ):
+        if sign in lammps_message:
+            return advice
+    return f"to see it happen: go to the run folder and type lmp -in {DECK}"
 
 
 def _line_number(deck: Path, command: str) -> int | None:

@@ -653,7 +653,8 @@ def _draw_semi_axes(along: Axes, across: Axes, analyses: Analyses, clock: _Unit)
         axes.plot(
             seconds, extents[i] / unit.size, color="0.25", linewidth=0.7, markersize=1.5,
             linestyle="--" if sampling.resolved else "none",
-            marker="none" if sampling.resolved else ".", label="outermost particle centre",
+            marker="none" if sampling.resolved and len(seconds) > 1 else ".",
+            label="outermost particle centre",
         )  # fmt: skip
         axes.set_ylabel(f"{where} {axis} ({unit.name})")
     along.legend(loc="best")
@@ -880,10 +881,10 @@ def _draw_magnitudes(
     if len(nothing) == len(curves):
         axes.set_yticks([], minor=False)
         axes.set_yticks([], minor=True)
-    axes.text(
-        0.02, 0.05, "\n".join(nothing), transform=axes.transAxes, va="bottom", fontsize=7.0,
-        color="0.35",
-    )  # fmt: skip
+        axes.text(0.02, 0.05, "\n".join(nothing), transform=axes.transAxes, fontsize=7.0)
+    elif nothing:
+        text = "; ".join(nothing)
+        axes.text(1.0, 1.03, text, transform=axes.transAxes, fontsize=7.0, ha="right")
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         # Above the panel: points may lie anywhere in it.

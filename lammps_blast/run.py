@@ -18,6 +18,7 @@ from lammps_blast.deck import (
     DECK,
     ENERGY_TABLE,
     PARTICLE_DATA,
+    PARTICLE_TABLE,
     RESTART_FOLDER,
     TRAJECTORIES,
     write_deck,
@@ -90,10 +91,15 @@ def run_case(
     except OSError as error:
         raise FolderError(f"cannot write the run folder {folder}: {error}") from error
     console.print(f"{case.name}: {len(particles)} particles, {case.time.steps} steps in {folder}")
-    wall_seconds = run_deck(folder, case.time.steps, case.time.step, console)
+    if left := case.time.steps % case.output_every:
+        last = (case.time.steps - left) * case.time.step
+        console.print(
+            f"output.interval does not divide time.duration: the last frame is at {last:g} s"
+        )
+    run_deck(folder, case.time.steps, case.time.step, console)
     for warning in lammps_warnings(folder):
         console.print(warning, highlight=False, markup=False)
-    return analyze_run(folder, wall_seconds, figures=not options.no_figures)
+    return analyze_run(folder, figures=not options.no_figures)
 
 
 def prepare_folder(folder: Path, *, force: bool) -> None:
@@ -108,19 +114,20 @@ def prepare_folder(folder: Path, *, force: bool) -> None:
     """
     from lammps_blast.analyze import ENVELOPE_TABLE, FIGURE_FOLDER, SPEED_TABLE, SUMMARY
 
-    if (folder / SUMMARY).exists() and not force:
-        raise FolderError(f"{folder} holds a finished run: give --force to replace it")
-    if any((folder / name).exists() for name in TRAJECTORIES.values()) and not force:
-        raise FolderError(f"{folder} holds an unfinished run: give --force to replace it")
+    inputs = (CASE, DECK, PARTICLE_DATA, PARTICLE_TABLE)
+    outputs = (ENERGY_TABLE, LOG, ENVELOPE_TABLE, SPEED_TABLE, SUMMARY, *TRAJECTORIES.values())
+    in_the_way = [name for name in (*inputs, *outputs) if (folder / name).exists()]
+    if in_the_way and not force:
+        state = "a finished run" if SUMMARY in in_the_way else f"{', '.join(in_the_way)} already"
+        raise FolderError(f"{folder} holds {state}: give --force to replace it")
     folder.mkdir(parents=True, exist_ok=True)
-    products = (CASE, DECK, PARTICLE_DATA, ENERGY_TABLE, LOG, ENVELOPE_TABLE, SPEED_TABLE, SUMMARY)
-    for name in (*products, *TRAJECTORIES.values()):
-        (folder / name).unlink(missing_ok=True)
+    for name in in_the_way:
+        (folder / name).unlink()
     for name in (FIGURE_FOLDER, RESTART_FOLDER):
         shutil.rmtree(folder / name, ignore_errors=True)
 
 
-def analyze_run(folder: Path, wall_seconds: float, *, figures: bool) -> str:
+def analyze_run(folder: Path, *, figures: bool) -> str:
     """Analyse the run in a folder, write the results there, and return a report.
 
     Raises
@@ -135,7 +142,7 @@ def analyze_run(folder: Path, wall_seconds: float, *, figures: bool) -> str:
     from lammps_blast.trajectory import TrajectoryError
 
     try:
-        summary = write_results(analyze(folder), folder, figures=figures, wall_seconds=wall_seconds)
+        summary = write_results(analyze(folder), folder, figures=figures)
     except (TrajectoryError, AnalysisError) as error:
         raise EngineError(f"the run ended, but cannot be analysed: {error}") from error
     except OSError as error:

@@ -86,8 +86,7 @@ def spheroid_theory(
     radius: Floats,
     mass: Floats,
     charge_per_mass: Floats,
-    total_mass: float,
-    at_rest_before: bool,
+    speed: float | None,
 ) -> SpheroidTheory | str:
     """Return the theorem for a cloud, or the reason why it does not hold there.
 
@@ -98,25 +97,20 @@ def spheroid_theory(
     Parameters
     ----------
     case
-        Fields, medium and blast.
+        Fields and medium.
     radius, mass, charge_per_mass
         (N,) in m, kg, C/kg; one value may stand for equal particles.
-    total_mass
-        Of the cloud, kg.
-    at_rest_before
-        Whether nothing moved before the pulse.
+    speed
+        That all particles share right after the pulse, m/s; None where they do not.
     """
     medium, electric = case.medium, any(case.fields.electric)
     strength = np.abs(charge_per_mass)
     pushed, dragged = electric and bool(strength.any()), medium.drag != "none"
     linear = medium.drag in ("none", "stokes")
-    if case.blast is None:
-        return "the case has no blast"
-    speed = float(theory.pulse_speed(case.blast.energy, total_mass))
+    if speed is None:
+        return "the particles move before the pulse"
     if not 0.0 < speed < np.inf:
         return "the pulse speed is beyond the range of floating-point numbers"
-    if not at_rest_before:
-        return "the particles move before the pulse"
     if (any(case.fields.magnetic) or pushed) and not _equal(strength):
         return "the particles differ in charge per mass"
     if dragged and not (_equal(radius) and _equal(mass)):

@@ -42,8 +42,9 @@ ASYMPTOTIC_PHASE = 40.0
 ASYMPTOTIC_TERMS = 36
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(40)
 
-
-# --- functions that are 0/0 at zero ---------------------------------------------------------
+# A centre of mass is known to rounding only: particles nearer to it than this part of the cloud's
+# radius and of its distance from the origin sit on it.
+CENTRE_TOLERANCE = 1e-12
 
 
 def _expm1_ratio(x: ArrayLike) -> Any:
@@ -77,9 +78,6 @@ def _ratio(numerator: ArrayLike, denominator: ArrayLike) -> Any:
     """The quotient; a positive number over zero is infinite, without a warning."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.divide(numerator, denominator)
-
-
-# --- 1. one charged particle (section 2 of the paper) ---------------------------------------
 
 
 def cyclotron_frequency(charge_per_mass: ArrayLike, magnetic: ArrayLike) -> Any:
@@ -184,9 +182,6 @@ def _split(vector: Floats, axis: Floats) -> tuple[Floats, Floats]:
     return along, vector - along
 
 
-# --- 2. the blast pulse (section 3.1) -------------------------------------------------------
-
-
 def sphere_mass(radius: ArrayLike, density: ArrayLike) -> Any:
     """Mass of a solid sphere, m = rho 4/3 pi R^3, in kg.
 
@@ -201,7 +196,7 @@ def sphere_mass(radius: ArrayLike, density: ArrayLike) -> Any:
 
 
 def moment_of_inertia(mass: ArrayLike, radius: ArrayLike) -> Any:
-    """I = 2/5 m R^2 of a homogeneous sphere in kg m2 (section 7.2).
+    """I = 2/5 m R^2 of a homogeneous sphere in kg m2 (eq. 7.8).
 
     Parameters
     ----------
@@ -254,17 +249,29 @@ def launch_directions(position: ArrayLike, mass: ArrayLike) -> Floats:
     ValueError
         A particle sits on the centre of mass, where no formula gives a direction.
     """
-    offset = np.asarray(position, dtype=float) - centre_of_mass(position, mass)
-    at_centre = np.flatnonzero(~offset.any(axis=1))
+    at_centre = np.flatnonzero(on_centre_of_mass(position, mass))
     if at_centre.size:
         raise ValueError(
             f"particle {at_centre[0]} (counted from 0) sits on the centre of mass: "
             "its launch direction is drawn at random in a run, and no formula gives it"
         )
-    return _unit(offset)
+    return _unit(np.asarray(position, dtype=float) - centre_of_mass(position, mass))
 
 
-# --- 3. drag (sections 3.1 and 4, appendix A) -----------------------------------------------
+def on_centre_of_mass(position: ArrayLike, mass: ArrayLike) -> NDArray[np.bool_]:
+    """Which particles sit on the centre of mass, up to the rounding with which it is known, (N,).
+
+    Parameters
+    ----------
+    position
+        r_i in m, shape (N, 3).
+    mass
+        m_i in kg, shape (N,).
+    """
+    centre = centre_of_mass(position, mass)
+    distance = np.linalg.norm(np.asarray(position, dtype=float) - centre, axis=1)
+    return distance <= CENTRE_TOLERANCE * (np.linalg.norm(centre) + distance.max())
+
 
 DragKind: TypeAlias = Literal["none", "constant", "chow", "stokes"]
 
@@ -622,9 +629,6 @@ def stokes_travel_time(distance: ArrayLike, speed: ArrayLike, stokes_time: Array
     return (_ratio(distance, speed) * stretch)[()]
 
 
-# --- 4. electromagnetic force against drag (section 5) --------------------------------------
-
-
 def force_ratio(
     velocity: ArrayLike,
     *,
@@ -775,9 +779,6 @@ def parity_magnetic_field(
         drag_coefficient=drag_coefficient,
     )
     return _ratio(parity, speed)
-
-
-# --- 5. the spheroid theorem ----------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -1103,9 +1104,6 @@ def _turned_decay_quadrature(elapsed: Floats, rate: float, power: float, omega: 
         integral += half * (values @ GAUSS_WEIGHTS)
         left = right
     return integral
-
-
-# --- the command ----------------------------------------------------------------------------
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -140,7 +140,7 @@ def test_missing_columns_and_axes_are_named(tmp_path):
     bare = open_universe(write_dump(tmp_path / "bare", frames, columns="id type x y z"))
     with pytest.raises(AnalysisError, match="vx vy vz"):
         Speeds(bare)
-    with pytest.raises(AnalysisError, match="mass"):
+    with pytest.warns(UserWarning, match="1 kg"):
         Envelope(bare, AXIS).run()
     whole = open_universe(write_dump(tmp_path / "whole", frames))
     for axis in ([0, 0, 0], [np.nan, 0, 1], [1, 0]):
@@ -159,6 +159,26 @@ def test_lone_dump_is_analysed_with_a_given_axis(tmp_path):
     radius = np.linalg.norm(launch - launch.mean(axis=0), axis=1).max()
     assert summary["envelope"]["semi_axis_parallel"] == pytest.approx(radius + parallel)
     assert summary["envelope"]["theory"] is None
+
+
+def test_dump_of_positions_alone_gives_its_envelope(tmp_path):
+    launch, moved, *_ = known_cloud(50)
+    zeros = np.zeros_like(launch)
+    frames = [(0.0, launch, zeros, zeros), (0.5, moved, zeros, zeros)]
+    write_dump(tmp_path / "bare", frames, columns="id type x y z")
+    done = blast("analyze", "bare", "--axis", *AXIS, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "1 kg" in done.stderr
+    assert (tmp_path / "bare.analysis" / "figures" / "semi_axes.png").is_file()
+
+
+def test_line_that_was_cut_short_is_left_out(tmp_path):
+    path = tmp_path / "energy.csv"
+    head = "time,kinetic,rotational,electric_work,drag_loss,magnetic_work\n"
+    path.write_text(head + "0,9,0,0,0,0\n0.1,8,0,0,1,0\n0.2,7,0,0,2,0.00")
+    with pytest.warns(UserWarning, match="cut short"):
+        ledger = EnergyLedger.read(path)
+    assert ledger.times == pytest.approx([0.0, 0.1])
 
 
 @pytest.mark.parametrize(

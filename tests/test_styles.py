@@ -219,6 +219,19 @@ def test_pulse_launches_a_lone_particle_in_a_direction_of_the_seed(simulate):
     assert not np.allclose(directions[0], directions[2])
 
 
+def test_charges_are_needed_only_in_a_magnetic_field(simulate):
+    simulation = simulate(make_particles([0.0, 0, 0]))
+    simulation.commands(
+        "clear\nunits si\natom_style sphere\nboundary s s s\ncomm_modify cutoff 1.0e-9\n"
+        "region r block -1 1 -1 1 -1 1\ncreate_box 1 r\ncreate_atoms 1 single 0 0 0\n"
+        "set atom 1 diameter 0.1 density 7000.0 vx 3.0\n"
+        "fix integrate all nve/sphere/lorentz drag stokes viscosity 10.0\n"
+        "timestep 0.01\nrun 10"
+    )
+    tau = theory.stokes_time(0.05, 7000.0, 10.0)
+    assert simulation.velocity[0, 0] == pytest.approx(3.0 * np.exp(-0.1 / tau), rel=1e-12)
+
+
 BAD_COMMANDS = {
     "fix f all nve/sphere/lorentz magnetic 1 2": "missing argument",
     "fix f all nve/sphere/lorentz magnetic 1 2 x": "x",
@@ -240,6 +253,9 @@ BAD_COMMANDS = {
     "blast_pulse nobody 1": "group nobody",
     "blast_pulse all 1 sead 3": "sead",
     "blast_pulse all 1 seed -3": "must not be negative",
+    "blast_pulse all 1 seed": "missing argument",
+    "set atom 1 diameter 0.0\nfix f all lorentz/drag\nrun 0": "atom 1 is a point",
+    "group g id 1\nfix f all nve/sphere/lorentz\nfix g g lorentz/drag\nrun 0": "remove one of them",
     "fix f all nve/sphere/lorentz\nfix g all lorentz/drag\nrun 0": "remove one of them",
     "fix f all nve/sphere/lorentz\nrun_style respa 2 2\nrun 0": "run_style respa",
 }

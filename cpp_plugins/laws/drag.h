@@ -1,5 +1,6 @@
-// Drag of a sphere in a medium: constant C_D, Chow's fit and Stokes, as forces (eqs. 3.6, 4.2, 4.13)
-// and as exact flows of the velocity under drag alone (eqs. 4.10, A.5 and their like).
+// Drag of a sphere in a medium: constant C_D, Chow's fit and Stokes, as forces
+// (eqs. 3.6, 4.2, 4.13) and as exact flows of the velocity under drag alone (eqs. 4.10, A.5 and
+// their like).
 
 #ifndef BLAST_LAWS_DRAG_H
 #define BLAST_LAWS_DRAG_H
@@ -78,7 +79,7 @@ inline Vector3 drag_force(const Medium &medium, double radius, const Vector3 &ve
     return dynamic_pressure_area(medium, radius) * medium.drag_coefficient * speed * relative;
   case DragLaw::chow:
     return dynamic_pressure_area(medium, radius) *
-        chow_drag_coefficient(reynolds_number(medium, radius, speed)) * speed * relative;
+           chow_drag_coefficient(reynolds_number(medium, radius, speed)) * speed * relative;
   case DragLaw::stokes:
     return stokes_friction(medium, radius) * relative;
   case DragLaw::none:
@@ -122,26 +123,25 @@ inline double chow_slowdown(double reynolds, double rate, double time)
   return ratio * slowdown(reynolds, rate * chow_branches[0].coefficient, 1.0, time);
 }
 
-// u(time)/u(0) under eq. 3.6 with C_D constant, eq. 4.10
-inline double quadratic_slowdown(const Medium &medium, double radius, double inverse_mass,
+// u(time)/u(0) under eq. 3.6 with C_D constant, eq. 4.10: 1 / (1 + K u(0) time)
+inline double quadratic_slowdown(const Medium &medium, double radius, double mass,
                                  double drag_coefficient, double speed, double time)
 {
-  return slowdown(speed, dynamic_pressure_area(medium, radius) * drag_coefficient * inverse_mass,
-                  2.0, time);
+  return mass / (mass + dynamic_pressure_area(medium, radius) * drag_coefficient * speed * time);
 }
 
 // u(time)/u(0) under drag alone, exact for every law.
-inline double drag_slowdown(const Medium &medium, double radius, double inverse_mass, double speed,
+inline double drag_slowdown(const Medium &medium, double radius, double mass, double speed,
                             double time)
 {
   switch (medium.law) {
   case DragLaw::constant:
-    return quadratic_slowdown(medium, radius, inverse_mass, medium.drag_coefficient, speed, time);
+    return quadratic_slowdown(medium, radius, mass, medium.drag_coefficient, speed, time);
   case DragLaw::chow:
     return chow_slowdown(reynolds_number(medium, radius, speed),
-                         0.25 * pi * radius * medium.viscosity * inverse_mass, time);
+                         0.25 * pi * radius * medium.viscosity / mass, time);
   case DragLaw::stokes:
-    return slowdown(speed, stokes_friction(medium, radius) * inverse_mass, 1.0, time);
+    return slowdown(speed, stokes_friction(medium, radius) / mass, 1.0, time);
   case DragLaw::none:
     break;
   }
@@ -158,9 +158,9 @@ inline double common_drag_coefficient(const Medium &medium, double low, double h
 }
 
 // Velocity after its part relative to the medium has changed by a factor.
-inline Vector3 slowed(const Medium &medium, const Vector3 &velocity, double ratio)
+inline Vector3 slowed(const Vector3 &velocity, const Vector3 &medium_velocity, double factor)
 {
-  return velocity + (ratio - 1.0) * (velocity - medium.velocity);
+  return velocity + (factor - 1.0) * (velocity - medium_velocity);
 }
 
 } // namespace blast

@@ -16,9 +16,9 @@ inline Vector3 magnetic_force(double charge, const Vector3 &velocity, const Vect
 }
 
 // omega = q |B| / m, with the sign of the charge
-inline double cyclotron_frequency(double charge, double inverse_mass, double magnetic_strength)
+inline double cyclotron_frequency(double charge, double mass, double magnetic_strength)
 {
-  return charge * magnetic_strength * inverse_mass;
+  return charge * magnetic_strength / mass;
 }
 
 // One step of gyration by the angle theta = omega dt, ready to be applied to many particles.
@@ -56,8 +56,8 @@ inline void gyrate(const Gyration &gyration, const Vector3 &axis, double time, V
 {
   const Vector3 sideways = cross(velocity, axis);
   const Vector3 across = velocity - dot(velocity, axis) * axis;
-  position += time *
-      (velocity + (gyration.mean_cosine - 1.0) * across + gyration.mean_sine * sideways);
+  position +=
+      time * (velocity + (gyration.mean_cosine - 1.0) * across + gyration.mean_sine * sideways);
   velocity += gyration.sine * sideways - gyration.one_minus_cosine * across;
 }
 

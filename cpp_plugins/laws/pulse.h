@@ -17,6 +17,10 @@ inline double pulse_speed(double energy, double total_mass)
   return std::sqrt(2.0 * energy / total_mass);
 }
 
+// A centre of mass is known to rounding only: particles nearer to it than this part of the cloud's
+// radius and of its distance from the origin sit on it and have no direction of their own.
+constexpr double centre_tolerance = 1.0e-12;
+
 // Unit vector uniform on the sphere, a function of seed and particle id alone, so that the number
 // of ranks does not matter.
 inline Vector3 random_direction(std::uint64_t seed, std::uint64_t particle_id)

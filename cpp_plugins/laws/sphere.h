@@ -5,7 +5,7 @@
 
 namespace blast {
 
-// I = 2/5 m R^2, section 7.2
+// I = 2/5 m R^2, eq. 7.8
 inline double moment_of_inertia(double mass, double radius)
 {
   return 0.4 * mass * radius * radius;

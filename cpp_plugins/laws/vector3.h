@@ -12,8 +12,7 @@ struct Vector3 {
 
   Vector3() = default;
   Vector3(double x_, double y_, double z_) : x(x_), y(y_), z(z_) {}
-  explicit Vector3(const double *components)
-      : x(components[0]), y(components[1]), z(components[2])
+  explicit Vector3(const double *components) : x(components[0]), y(components[1]), z(components[2])
   {
   }
 

@@ -1,14 +1,14 @@
 #include "blast_pulse.h"
 
-#include "pulse.h"
-
 #include "atom.h"
 #include "comm.h"
 #include "domain.h"
 #include "error.h"
 #include "group.h"
+#include "update.h"
 #include "utils.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 
@@ -19,8 +19,8 @@ void BlastPulse::command(int narg, char **arg)
 {
   if (narg < 2) utils::missing_cmd_args(FLERR, "blast_pulse", error);
   if (!domain->box_exist) error->all(FLERR, "Blast_pulse command before simulation box is defined");
-  if (!atom->radius_flag || !atom->rmass_flag)
-    error->all(FLERR, "Blast_pulse requires atom attributes radius and rmass");
+  if (strcmp(update->unit_style, "si") != 0) error->all(FLERR, "Blast_pulse requires units si");
+  if (!atom->rmass_flag) error->all(FLERR, "Blast_pulse requires atom attribute rmass");
 
   const int igroup = group->find(arg[0]);
   if (igroup < 0) error->all(FLERR, "Could not find blast_pulse group {}", arg[0]);
@@ -29,10 +29,11 @@ void BlastPulse::command(int narg, char **arg)
     error->all(FLERR, "Blast_pulse energy must be above zero: {}", arg[1]);
 
   bigint seed = 1;
-  if (narg == 4 && strcmp(arg[2], "seed") == 0)
-    seed = utils::bnumeric(FLERR, arg[3], false, lmp);
-  else if (narg != 2)
+  if (narg > 2 && strcmp(arg[2], "seed") != 0)
     error->all(FLERR, "Unknown blast_pulse keyword: {}", arg[2]);
+  if (narg == 3) utils::missing_cmd_args(FLERR, "blast_pulse seed", error);
+  if (narg > 4) error->all(FLERR, "Unknown blast_pulse keyword: {}", arg[4]);
+  if (narg == 4) seed = utils::bnumeric(FLERR, arg[3], false, lmp);
   if (seed < 0) error->all(FLERR, "Blast_pulse seed must not be negative: {}", arg[3]);
 
   const double total_mass = group->mass(igroup);
@@ -43,19 +44,18 @@ void BlastPulse::command(int narg, char **arg)
   const int groupbit = group->bitmask[igroup];
   const double energy_before = kinetic_energy(groupbit);
   const double speed = blast::pulse_speed(energy, total_mass);
+  const double centre_radius =
+      blast::centre_tolerance * (norm(Vector3(centre)) + cloud_radius(groupbit, Vector3(centre)));
   bigint central = 0;
 
   for (int i = 0; i < atom->nlocal; i++) {
     if (!(atom->mask[i] & groupbit)) continue;
-    double unwrapped[3];
-    domain->unmap(atom->x[i], atom->image[i], unwrapped);
-    const Vector3 offset = Vector3(unwrapped) - Vector3(centre);
+    const Vector3 offset = unwrapped(i) - Vector3(centre);
     const double distance = norm(offset);
-    // A centre of mass is known to rounding only: a lone particle must count as sitting on its own.
-    const bool on_centre = distance <= 1.0e-12 * (norm(Vector3(centre)) + atom->radius[i]);
+    const bool on_centre = distance <= centre_radius;
     if (on_centre) ++central;
-    const Vector3 direction = on_centre ? blast::random_direction(seed, atom->tag[i])
-                                        : (1.0 / distance) * offset;
+    const Vector3 direction =
+        on_centre ? blast::random_direction(seed, atom->tag[i]) : (1.0 / distance) * offset;
     (Vector3(atom->v[i]) + speed * direction).store(atom->v[i]);
   }
 
@@ -73,6 +73,22 @@ void BlastPulse::command(int narg, char **arg)
                  "Blast pulse: {} particles, mass {:.10g} kg, pulse speed {:.10g} m/s, kinetic "
                  "energy {:.10g} -> {:.10g} J\n",
                  particles, total_mass, speed, energy_before, energy_after);
+}
+
+Vector3 BlastPulse::unwrapped(int i) const
+{
+  double position[3];
+  domain->unmap(atom->x[i], atom->image[i], position);
+  return Vector3(position);
+}
+
+double BlastPulse::cloud_radius(int groupbit, const Vector3 &centre) const
+{
+  double local = 0.0, largest = 0.0;
+  for (int i = 0; i < atom->nlocal; i++)
+    if (atom->mask[i] & groupbit) local = std::max(local, norm(unwrapped(i) - centre));
+  MPI_Allreduce(&local, &largest, 1, MPI_DOUBLE, MPI_MAX, world);
+  return largest;
 }
 
 double BlastPulse::kinetic_energy(int groupbit) const

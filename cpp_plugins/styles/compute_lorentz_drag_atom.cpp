@@ -22,6 +22,11 @@ ComputeLorentzDragAtom::~ComputeLorentzDragAtom()
   memory->destroy(forces);
 }
 
+void ComputeLorentzDragAtom::init()
+{
+  ExternalFields::check_sizes(lmp, STYLE, groupbit);
+}
+
 void ComputeLorentzDragAtom::compute_peratom()
 {
   invoked_peratom = update->ntimestep;

@@ -9,15 +9,15 @@
 namespace LAMMPS_NS {
 
 class ComputeLorentzDragAtom : public Compute {
- public:
+public:
   ComputeLorentzDragAtom(class LAMMPS *, int, char **);
   ~ComputeLorentzDragAtom() override;
 
-  void init() override {}
+  void init() override;
   void compute_peratom() override;
   double memory_usage() override;
 
- private:
+private:
   ExternalFields fields;
   int capacity = 0;
   double **forces = nullptr;

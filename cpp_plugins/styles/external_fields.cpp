@@ -115,6 +115,15 @@ void ExternalFields::check_medium(LAMMPS *lmp, const char *style, bool density_g
     lmp->error->all(FLERR, "{} drag chow needs density and viscosity above zero", style);
 }
 
+void ExternalFields::check_sizes(LAMMPS *lmp, const char *style, int groupbit)
+{
+  const Atom *atom = lmp->atom;
+  for (int i = 0; i < atom->nlocal; i++)
+    if ((atom->mask[i] & groupbit) && atom->radius[i] == 0.0)
+      lmp->error->one(FLERR, "{} requires extended particles: atom {} is a point", style,
+                      atom->tag[i]);
+}
+
 void ExternalFields::check(LAMMPS *lmp, const char *style) const
 {
   if (strcmp(lmp->update->unit_style, "si") != 0)

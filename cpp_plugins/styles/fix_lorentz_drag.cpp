@@ -33,6 +33,7 @@ void FixLorentzDrag::init()
 {
   if (utils::strmatch(update->integrate_style, "^respa"))
     error->all(FLERR, "{} does not work with run_style respa", STYLE);
+  ExternalFields::check_sizes(lmp, STYLE, groupbit);
 }
 
 void FixLorentzDrag::setup(int vflag)

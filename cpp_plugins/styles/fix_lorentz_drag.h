@@ -13,7 +13,7 @@
 namespace LAMMPS_NS {
 
 class FixLorentzDrag : public Fix {
- public:
+public:
   FixLorentzDrag(class LAMMPS *, int, char **);
 
   int setmask() override;
@@ -27,7 +27,7 @@ class FixLorentzDrag : public Fix {
   void write_restart(FILE *) override;
   void restart(char *) override;
 
- private:
+private:
   void tally_half_kick();
 
   ExternalFields fields;

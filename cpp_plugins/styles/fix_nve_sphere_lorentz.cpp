@@ -1,25 +1,17 @@
 #include "fix_nve_sphere_lorentz.h"
 
-#include "sphere.h"
-
 #include "atom.h"
 #include "error.h"
 #include "modify.h"
 #include "update.h"
 #include "utils.h"
 
-#include <cmath>
+#include <algorithm>
 
 using namespace LAMMPS_NS;
 using namespace FixConst;
-using blast::Vector3;
 
 static constexpr char STYLE[] = "Fix nve/sphere/lorentz";
-
-static inline bool any_component(const double *vector)
-{
-  return (vector[0] != 0.0) | (vector[1] != 0.0) | (vector[2] != 0.0);
-}
 
 FixNVESphereLorentz::FixNVESphereLorentz(LAMMPS *lmp, int narg, char **arg)
     : Fix(lmp, narg, arg), fields(lmp, STYLE, 3, narg, arg)
@@ -43,97 +35,42 @@ void FixNVESphereLorentz::init()
 {
   if (utils::strmatch(update->integrate_style, "^respa"))
     error->all(FLERR, "{} does not work with run_style respa", STYLE);
+  ExternalFields::check_sizes(lmp, STYLE, groupbit);
   for (auto *other : modify->get_fix_by_style("^lorentz/drag$"))
-    if (other->igroup == igroup)
-      error->all(FLERR, "{} already applies the forces of fix {}: remove one of them", STYLE,
-                 other->id);
-
-  for (int i = 0; i < atom->nlocal; i++)
-    if ((atom->mask[i] & groupbit) && atom->radius[i] == 0.0)
-      error->one(FLERR, "{} requires extended particles: atom {} is a point", STYLE, atom->tag[i]);
+    for (int i = 0; i < atom->nlocal; i++)
+      if ((atom->mask[i] & groupbit) && (atom->mask[i] & other->groupbit))
+        error->one(FLERR, "{} already applies the forces of fix {} to atom {}: remove one of them",
+                   STYLE, other->id, atom->tag[i]);
 }
 
 void FixNVESphereLorentz::initial_integrate(int /*vflag*/)
 {
-  half_kick();
-  drift_all();
+  const double step = update->dt;
+  for_each_block([this, step](const ParticleBlock &block) {
+    kick(block, 0.5 * step);
+    const DriftWork work = drift(block, fields, gyrations, step);
+    tally.work[WorkTally::DRAG] += work.drag;
+    tally.work[WorkTally::MAGNETIC] += work.magnetic;
+  });
 }
 
 void FixNVESphereLorentz::final_integrate()
 {
-  half_kick();
-}
-
-// Forces and torques of everything that LAMMPS itself computes, over half a step. Most particles of
-// a cloud feel none, and looking costs less than dividing.
-void FixNVESphereLorentz::half_kick()
-{
-  const double half_step = 0.5 * update->dt;
-  const int nlocal = atom->nlocal, *mask = atom->mask;
-  const double *mass = atom->rmass, *radius = atom->radius;
-  double **v = atom->v, **f = atom->f, **omega = atom->omega, **torque = atom->torque;
-
-  for (int i = 0; i < nlocal; i++) {
-    if (!(mask[i] & groupbit)) continue;
-    if (any_component(f[i])) {
-      const double gain = half_step / mass[i];
-      for (int k = 0; k < 3; k++) v[i][k] += gain * f[i][k];
-    }
-    if (any_component(torque[i])) {
-      const double gain = half_step / blast::moment_of_inertia(mass[i], radius[i]);
-      for (int k = 0; k < 3; k++) omega[i][k] += gain * torque[i][k];
-    }
-  }
-}
-
-void FixNVESphereLorentz::drift_all()
-{
   const double step = update->dt;
-  const blast::Medium medium = fields.medium;
-  const Vector3 axis = fields.axis;
-  ParticleBlock block;
-  for (int i = 0; i < atom->nlocal;) {
-    i = gather(block, i);
-    const DriftWork work = drift(block, medium, axis, step);
-    tally.work[WorkTally::DRAG] += work.drag;
-    tally.work[WorkTally::MAGNETIC] += work.magnetic;
-    for (int j = 0; j < block.count; j++) {
-      block.position(j).store(atom->x[block.index[j]]);
-      block.velocity(j).store(atom->v[block.index[j]]);
-    }
-  }
+  for_each_block([step](const ParticleBlock &block) { kick(block, 0.5 * step); });
 }
 
-// Fills a block with particles of the group from local index i on; returns where it stopped.
-int FixNVESphereLorentz::gather(ParticleBlock &block, int i)
+// Cuts the particles of the group into blocks and hands them on one by one.
+template <class Action> void FixNVESphereLorentz::for_each_block(Action action)
 {
-  const double step = update->dt, strength = fields.magnetic_strength;
-  const int *mask = atom->mask;
-  const double *rmass = atom->rmass, *radius = atom->radius, *q = atom->q;
-  double **x = atom->x, **v = atom->v;
-
-  int j = 0;
-  for (; i < atom->nlocal && j < ParticleBlock::CAPACITY; i++) {
-    if (!(mask[i] & groupbit)) continue;
-    block.index[j] = i;
-    block.set_position(j, Vector3(x[i]));
-    block.set_velocity(j, Vector3(v[i]));
-    block.mass[j] = rmass[i];
-    block.inverse_mass[j] = 1.0 / rmass[i];
-    block.radius[j] = radius[i];
-    if (strength > 0.0) {
-      const double angle =
-          step * blast::cyclotron_frequency(q[i], block.inverse_mass[j], strength);
-      if (std::fabs(angle) != last_angle) { // one sine for clouds of one charge-to-mass ratio
-        last_angle = std::fabs(angle);
-        last_gyration = blast::Gyration(last_angle);
-      }
-      block.gyration[j] = angle < 0.0 ? last_gyration.reversed() : last_gyration;
-    }
-    j++;
+  const int nlocal = atom->nlocal, *mask = atom->mask;
+  for (int first = 0; first < nlocal;) {
+    const int limit = std::min(first + ParticleBlock::CAPACITY, nlocal);
+    int end = first;
+    while (end < limit && (mask[end] & groupbit)) end++;
+    if (end > first) action(ParticleBlock(*atom, first, end - first));
+    first = std::max(end, first + 1);
   }
-  block.count = j;
-  return i;
 }
 
 double FixNVESphereLorentz::compute_vector(int channel)

@@ -12,7 +12,7 @@
 namespace LAMMPS_NS {
 
 class FixNVESphereLorentz : public Fix {
- public:
+public:
   FixNVESphereLorentz(class LAMMPS *, int, char **);
 
   int setmask() override;
@@ -23,15 +23,12 @@ class FixNVESphereLorentz : public Fix {
   void write_restart(FILE *) override;
   void restart(char *) override;
 
- private:
-  void half_kick();
-  void drift_all();
-  int gather(ParticleBlock &block, int i);
+private:
+  template <class Action> void for_each_block(Action action);
 
   ExternalFields fields;
   WorkTally tally;
-  double last_angle = 0.0;
-  blast::Gyration last_gyration;
+  BlockGyrations gyrations;
 };
 
 } // namespace LAMMPS_NS

@@ -1,8 +1,13 @@
 #include "particle_block.h"
 
+#include "sphere.h"
+
+#include "atom.h"
+
 #include <algorithm>
 
 using namespace LAMMPS_NS;
+using blast::Gyration;
 using blast::Medium;
 using blast::Vector3;
 
@@ -16,83 +21,224 @@ using blast::Vector3;
 #define BLAST_INLINE inline
 #endif
 
-namespace {
-
-// Slow-down of a block where one C_D holds for all of it from beginning to end; false elsewhere.
-BLAST_INLINE bool common_slowdown(const ParticleBlock &block, const Medium &medium,
-                                  const double *speed, double time, double *ratio)
+ParticleBlock::ParticleBlock(const Atom &atom, int first, int count_)
+    : count(count_), x(atom.x[first]), v(atom.v[first]), omega(atom.omega[first]), f(atom.f[first]),
+      torque(atom.torque[first]), mass(atom.rmass + first), radius(atom.radius + first),
+      charge(atom.q_flag ? atom.q + first : nullptr)
 {
-  double low = INFINITY, high = 0.0;
-  if (medium.law == blast::DragLaw::chow) {
-#pragma omp simd reduction(min : low) reduction(max : high)
-    for (int j = 0; j < block.count; j++) {
-      const double reynolds = blast::reynolds_number(medium, block.radius[j], speed[j]);
-      low = std::min(low, reynolds);
-      high = std::max(high, reynolds);
-    }
-  }
-  const double drag_coefficient = blast::common_drag_coefficient(medium, low, high);
-  if (drag_coefficient < 0.0) return false;
-
-  double smallest = 1.0;
-#pragma omp simd reduction(min : smallest)
-  for (int j = 0; j < block.count; j++) {
-    ratio[j] = blast::quadratic_slowdown(medium, block.radius[j], block.inverse_mass[j],
-                                         drag_coefficient, speed[j], time);
-    smallest = std::min(smallest, ratio[j]);
-  }
-  return blast::common_drag_coefficient(medium, low * smallest, high) >= 0.0;
 }
 
-// Drag over a time; returns its work.
-BLAST_INLINE double slow_down(ParticleBlock &block, const Medium &medium, double time)
+void BlockGyrations::work_out(const ParticleBlock &block, int count, double magnetic_strength,
+                              double step)
 {
-  if (medium.law == blast::DragLaw::none) return 0.0;
-  double speed[ParticleBlock::CAPACITY], ratio[ParticleBlock::CAPACITY], work = 0.0;
+  for (int j = 0; j < count; j++) {
+    const double angle =
+        step * blast::cyclotron_frequency(block.charge[j], block.mass[j], magnetic_strength);
+    if (std::fabs(angle) != last_angle) {
+      last_angle = std::fabs(angle);
+      last = Gyration(last_angle);
+    }
+    of[j] = angle < 0.0 ? last.reversed() : last;
+  }
+}
 
+namespace {
+
+BLAST_INLINE bool any_differs(const double *values, int count, double value)
+{
+  double difference = 0.0;
+#pragma omp simd reduction(+ : difference)
+  for (int k = 0; k < count; k++) difference += std::fabs(values[k] - value);
+  return difference != 0.0;
+}
+
+BLAST_INLINE bool all_equal(const double *values, int count)
+{
+  return !any_differs(values, count, values[0]);
+}
+
+// Laws of drag over half a step: the factor that it leaves of a speed relative to the medium.
+
+struct NoDrag {
+  static constexpr bool acts = false;
+  double operator()(double /*radius*/, double /*mass*/, double /*speed*/) const { return 1.0; }
+};
+
+struct QuadraticDrag {
+  static constexpr bool acts = true;
+  Medium medium;
+  double drag_coefficient, time;
+  double operator()(double radius, double mass, double speed) const
+  {
+    return blast::quadratic_slowdown(medium, radius, mass, drag_coefficient, speed, time);
+  }
+};
+
+struct EqualDrag { // of spheres of one size and mass, under Stokes' law
+  static constexpr bool acts = true;
+  double factor;
+  double operator()(double /*radius*/, double /*mass*/, double /*speed*/) const { return factor; }
+};
+
+// Where a step brings the particles of a block, kept apart until it is known to be right.
+struct Moved {
+  double x[ParticleBlock::CAPACITY], y[ParticleBlock::CAPACITY], z[ParticleBlock::CAPACITY];
+  double vx[ParticleBlock::CAPACITY], vy[ParticleBlock::CAPACITY], vz[ParticleBlock::CAPACITY];
+  double low = INFINITY, high = 0.0; // range of radius times speed relative to the medium
+  DriftWork work;
+
+  BLAST_INLINE void store(ParticleBlock block) const
+  {
 #pragma omp simd
-  for (int j = 0; j < block.count; j++) speed[j] = norm(block.velocity(j) - medium.velocity);
+    for (int j = 0; j < block.count; j++) {
+      Vector3(x[j], y[j], z[j]).store(block.x + 3 * j);
+      Vector3(vx[j], vy[j], vz[j]).store(block.v + 3 * j);
+    }
+  }
+};
 
-  if (!common_slowdown(block, medium, speed, time, ratio))
-    for (int j = 0; j < block.count; j++)
-      ratio[j] =
-          blast::drag_slowdown(medium, block.radius[j], block.inverse_mass[j], speed[j], time);
+// The step itself. Arguments that the loop reads are copies, so that nothing seems to change them.
+template <class Slowdown, class GyrationOf>
+BLAST_INLINE void move(const ParticleBlock block, const Vector3 wind, const Slowdown slowdown,
+                       const GyrationOf gyration_of, const Vector3 axis, double step, Moved &moved)
+{
+  double low = INFINITY, high = 0.0, drag_work = 0.0, magnetic_work = 0.0;
+#pragma omp simd reduction(+ : drag_work, magnetic_work) reduction(min : low) reduction(max : high)
+  for (int j = 0; j < block.count; j++) {
+    const double mass = block.mass[j], radius = block.radius[j];
+    Vector3 position = block.position(j), velocity = block.velocity(j);
 
-#pragma omp simd reduction(+ : work)
+    const double at_start = dot(velocity, velocity);
+    if (Slowdown::acts) {
+      const double speed = norm(velocity - wind), factor = slowdown(radius, mass, speed);
+      velocity = blast::slowed(velocity, wind, factor);
+      high = std::max(high, radius * speed);
+      low = std::min(low, radius * speed * factor);
+    }
+    const double before_turn = dot(velocity, velocity);
+    const Gyration &gyration = gyration_of(j);
+    gyrate(gyration, axis, step, position, velocity);
+    const double after_turn = dot(velocity, velocity);
+    if (Slowdown::acts) {
+      const double speed = norm(velocity - wind), factor = slowdown(radius, mass, speed);
+      velocity = blast::slowed(velocity, wind, factor);
+      high = std::max(high, radius * speed);
+      low = std::min(low, radius * speed * factor);
+    }
+    const double at_end = dot(velocity, velocity);
+
+    moved.x[j] = position.x, moved.y[j] = position.y, moved.z[j] = position.z;
+    moved.vx[j] = velocity.x, moved.vy[j] = velocity.y, moved.vz[j] = velocity.z;
+    drag_work += 0.5 * mass * ((before_turn - at_start) + (at_end - after_turn));
+    magnetic_work += 0.5 * mass * (after_turn - before_turn);
+  }
+  moved.low = low;
+  moved.high = high;
+  moved.work = {drag_work, magnetic_work};
+}
+
+// Drag over a time by the whole law, one particle after another; returns its work.
+double slow_down(const ParticleBlock &block, const Medium &medium, double time)
+{
+  double work = 0.0;
   for (int j = 0; j < block.count; j++) {
     const Vector3 before = block.velocity(j);
-    const Vector3 after = slowed(medium, before, ratio[j]);
-    block.set_velocity(j, after);
+    const double speed = norm(before - medium.velocity);
+    const double factor = drag_slowdown(medium, block.radius[j], block.mass[j], speed, time);
+    const Vector3 after = blast::slowed(before, medium.velocity, factor);
+    after.store(block.v + 3 * j);
     work += 0.5 * block.mass[j] * (dot(after, after) - dot(before, before));
   }
   return work;
 }
 
-// Gyration with drift over a step; returns the work of the magnetic force, zero to rounding.
-BLAST_INLINE double turn(ParticleBlock &block, const Vector3 &axis, double step)
+// Tries one C_D for the block, which is right if the law has it for every Reynolds number met.
+template <class GyrationOf>
+BLAST_INLINE bool move_with_one_coefficient(const ParticleBlock &block, const Medium &medium,
+                                            const GyrationOf &gyration_of, const Vector3 &axis,
+                                            double step, Moved &moved)
 {
-  double work = 0.0;
-#pragma omp simd reduction(+ : work)
-  for (int j = 0; j < block.count; j++) {
-    Vector3 position = block.position(j), velocity = block.velocity(j);
-    const double before = dot(velocity, velocity);
-    gyrate(block.gyration[j], axis, step, position, velocity);
-    block.set_position(j, position);
-    block.set_velocity(j, velocity);
-    work += 0.5 * block.mass[j] * (dot(velocity, velocity) - before);
+  const double speed = norm(block.velocity(0) - medium.velocity);
+  const double reynolds = reynolds_number(medium, block.radius[0], speed);
+  const double drag_coefficient = common_drag_coefficient(medium, reynolds, reynolds);
+  if (drag_coefficient < 0.0) return false;
+  const QuadraticDrag drag{medium, drag_coefficient, 0.5 * step};
+  move(block, medium.velocity, drag, gyration_of, axis, step, moved);
+  return common_drag_coefficient(medium, reynolds_number(medium, moved.low, 1.0),
+                                 reynolds_number(medium, moved.high, 1.0)) == drag_coefficient;
+}
+
+template <class GyrationOf>
+BLAST_INLINE DriftWork drift_with(const ParticleBlock &block, const Medium &medium,
+                                  const GyrationOf &gyration_of, const Vector3 &axis, double step,
+                                  bool equal_spheres)
+{
+  Moved moved;
+  double further_work = 0.0;
+  if (medium.law == blast::DragLaw::none) {
+    move(block, {}, NoDrag(), gyration_of, axis, step, moved);
+    moved.store(block);
+  } else if (medium.law == blast::DragLaw::stokes && equal_spheres) {
+    const double any_speed = 0.0;
+    const EqualDrag drag{
+        drag_slowdown(medium, block.radius[0], block.mass[0], any_speed, 0.5 * step)};
+    move(block, medium.velocity, drag, gyration_of, axis, step, moved);
+    moved.store(block);
+  } else if (move_with_one_coefficient(block, medium, gyration_of, axis, step, moved)) {
+    moved.store(block);
+  } else {
+    further_work = slow_down(block, medium, 0.5 * step);
+    move(block, {}, NoDrag(), gyration_of, axis, step, moved);
+    moved.store(block);
+    further_work += slow_down(block, medium, 0.5 * step);
   }
-  return work;
+  moved.work.drag += further_work;
+  return moved.work;
 }
 
 } // namespace
 
 BLAST_VECTOR_CLONES
-DriftWork LAMMPS_NS::drift(ParticleBlock &block, const Medium &medium, const Vector3 &axis,
-                           double step)
+DriftWork LAMMPS_NS::drift(const ParticleBlock &block, const ExternalFields &fields,
+                           BlockGyrations &gyrations, double step)
 {
-  DriftWork work;
-  work.drag = slow_down(block, medium, 0.5 * step);
-  work.magnetic = turn(block, axis, step);
-  work.drag += slow_down(block, medium, 0.5 * step);
-  return work;
+  const bool equal_spheres =
+      all_equal(block.mass, block.count) && all_equal(block.radius, block.count);
+  const bool turning = fields.magnetic_strength > 0.0;
+  if (turning && !(equal_spheres && all_equal(block.charge, block.count))) {
+    gyrations.work_out(block, block.count, fields.magnetic_strength, step);
+    const Gyration *const own = gyrations.of;
+    return drift_with(
+        block, fields.medium, [own](int j) -> const Gyration & { return own[j]; }, fields.axis,
+        step, equal_spheres);
+  }
+  Gyration shared;
+  if (turning) {
+    gyrations.work_out(block, 1, fields.magnetic_strength, step);
+    shared = gyrations.of[0];
+  }
+  return drift_with(
+      block, fields.medium, [&shared](int) -> const Gyration & { return shared; }, fields.axis,
+      step, equal_spheres);
+}
+
+// Most particles of a cloud feel no such force, and looking costs less than dividing.
+BLAST_VECTOR_CLONES
+void LAMMPS_NS::kick(const ParticleBlock &block, double time)
+{
+  if (any_differs(block.f, 3 * block.count, 0.0)) {
+#pragma omp simd
+    for (int j = 0; j < block.count; j++) {
+      const double gain = time / block.mass[j];
+      (block.velocity(j) + gain * Vector3(block.f + 3 * j)).store(block.v + 3 * j);
+    }
+  }
+  if (any_differs(block.torque, 3 * block.count, 0.0)) {
+#pragma omp simd
+    for (int j = 0; j < block.count; j++) {
+      const double gain = time / blast::moment_of_inertia(block.mass[j], block.radius[j]);
+      (Vector3(block.omega + 3 * j) + gain * Vector3(block.torque + 3 * j))
+          .store(block.omega + 3 * j);
+    }
+  }
 }

@@ -1,0 +1,174 @@
+"""The same work by others: explicit Euler steps in numpy, and the Boris push of PlasmaPy."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.section_6 import MAGNETIC, MEDIUM_DENSITY, PULSE_ENERGY, STEP, VISCOSITY
+from lammps_blast import theory
+from lammps_blast.particles import Particles
+
+STEPS = 500  # the peers take the same time every step: a few hundred tell it
+WARM_UP_STEPS = 20
+
+
+@dataclass(frozen=True)
+class StepTimer:
+    """Times STEPS calls of a function that makes one step."""
+
+    start: Callable[[], Callable[[], None]]
+    particle_count: int
+
+    def __call__(self) -> float:
+        """Return ns per particle-step, from the start of the blast each time."""
+        step = self.start()
+        for _ in range(WARM_UP_STEPS):
+            step()
+        started = time.perf_counter()
+        for _ in range(STEPS):
+            step()
+        return 1e9 * (time.perf_counter() - started) / (self.particle_count * STEPS)
+
+
+def launch_velocity(particles: Particles) -> theory.Floats:
+    """Velocities right after the pulse, shape (N, 3), m/s."""
+    speed = theory.pulse_speed(PULSE_ENERGY, particles.mass.sum())
+    return speed * theory.launch_directions(particles.position, particles.mass)
+
+
+class TunedEuler:
+    """Eq. 6.2 with Chow's drag, as numpy does it best.
+
+    A row a component, so that every operation runs over contiguous memory; no array is made after
+    the start; v x B for all particles is one product of matrices; where all particles are on a
+    branch of Chow's fit with one C_D, as here throughout, no power is taken.
+    """
+
+    def __init__(self, particles: Particles) -> None:
+        count = len(particles)
+        self.position = np.ascontiguousarray(particles.position.T)
+        self.velocity = np.ascontiguousarray(launch_velocity(particles).T)
+        # v x B = cross_magnetic v
+        self._cross_magnetic = -np.cross(MAGNETIC, np.eye(3)).T
+        self._magnetic_gain = STEP * particles.charge_per_mass
+        area = np.pi * particles.radius**2
+        self._drag_gain = STEP * 0.5 * MEDIUM_DENSITY * area / particles.mass
+        self._reynolds_per_speed = 2.0 * particles.radius * MEDIUM_DENSITY / VISCOSITY
+        self._speed, self._reynolds = np.empty(count), np.empty(count)
+        self._increment, self._scratch = np.empty((3, count)), np.empty((3, count))
+
+    def step(self) -> None:
+        """Advance velocities and positions by one step."""
+        position, velocity = self.position, self.velocity
+        increment, scratch = self._increment, self._scratch
+        np.dot(self._cross_magnetic, velocity, out=increment)
+        increment *= self._magnetic_gain
+        np.multiply(velocity, self._drag_factor(), out=scratch)
+        increment -= scratch
+        np.multiply(velocity, STEP, out=scratch)
+        position += scratch
+        velocity += increment
+
+    def _drag_factor(self) -> theory.Floats:
+        speed = self._speed
+        np.einsum("ij,ij->j", self.velocity, self.velocity, out=speed)
+        np.sqrt(speed, out=speed)
+        np.multiply(speed, self._reynolds_per_speed, out=self._reynolds)
+        speed *= self._drag_gain
+        speed *= self._drag_coefficient()
+        return speed
+
+    def _drag_coefficient(self) -> theory.Floats | float:
+        low, high = self._reynolds.min(), self._reynolds.max()
+        if low > 400.0 and high <= 3.0e5:
+            return 0.5
+        return theory.chow_drag_coefficient(self._reynolds)
+
+
+def tuned_euler(particles: Particles) -> StepTimer:
+    """Return the timer of the tuned numpy scheme."""
+    return StepTimer(lambda: TunedEuler(particles).step, len(particles))
+
+
+class PlainEuler:
+    """Eq. 6.2 with Chow's drag as one writes it down: a row a particle, np.cross, np.piecewise."""
+
+    def __init__(self, particles: Particles) -> None:
+        self.position, self.velocity = particles.position.copy(), launch_velocity(particles)
+        self._mass, self._charge = particles.mass[:, None], particles.charge[:, None]
+        self._radius = particles.radius
+
+    def step(self) -> None:
+        """Advance velocities and positions by one step."""
+        speed = np.linalg.norm(self.velocity, axis=1)
+        coefficient = self._drag_coefficient(
+            2.0 * self._radius * MEDIUM_DENSITY * speed / VISCOSITY
+        )
+        drag = -0.5 * MEDIUM_DENSITY * np.pi * self._radius**2 * coefficient * speed
+        force = drag[:, None] * self.velocity + self._charge * np.cross(self.velocity, MAGNETIC)
+        self.position += STEP * self.velocity
+        self.velocity += STEP / self._mass * force
+
+    def _drag_coefficient(self, reynolds: theory.Floats) -> theory.Floats:
+        return np.piecewise(
+            reynolds,
+            [
+                reynolds <= 1.0,
+                (reynolds > 1.0) & (reynolds <= 400.0),
+                (reynolds > 400.0) & (reynolds <= 3.0e5),
+                (reynolds > 3.0e5) & (reynolds <= 2.0e6),
+            ],
+            [
+                lambda re: 24.0 / re,
+                lambda re: 24.0 / re**0.646,
+                0.5,
+                lambda re: 0.000366 * re**0.4275,
+                0.18,
+            ],
+        )
+
+
+def plain_euler(particles: Particles) -> StepTimer:
+    """Return the timer of the plain numpy scheme."""
+    return StepTimer(lambda: PlainEuler(particles).step, len(particles))
+
+
+class BorisPush:
+    """PlasmaPy's non-relativistic Boris integrator in a uniform B.
+
+    One field and one charge and mass for all particles: numpy's broadcasting then does the least
+    work that its public function allows.
+    """
+
+    def __init__(self, particles: Particles) -> None:
+        from plasmapy.simulation.particle_integrators import BorisIntegrator
+
+        self._push = BorisIntegrator.push
+        self.position, self.velocity = particles.position.copy(), launch_velocity(particles)
+        self._magnetic, self._electric = np.array([MAGNETIC]), np.zeros((1, 3))
+        self._charge, self._mass = float(particles.charge[0]), float(particles.mass[0])
+
+    def step(self) -> None:
+        """Advance velocities and positions by one step."""
+        self.position, self.velocity = self._push(
+            self.position,
+            self.velocity,
+            self._magnetic,
+            self._electric,
+            self._charge,
+            self._mass,
+            STEP,
+        )
+
+
+def plasmapy_boris(particles: Particles) -> StepTimer | None:
+    """Return the timer of PlasmaPy's scheme, None where PlasmaPy is not installed."""
+    try:
+        import plasmapy.simulation.particle_integrators  # noqa: F401
+    except ImportError:
+        return None
+    return StepTimer(lambda: BorisPush(particles).step, len(particles))

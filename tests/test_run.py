@@ -1,6 +1,7 @@
 """The run command under bad input and failures: what it says, its exit status, what it leaves."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -8,7 +9,7 @@ import time
 
 import numpy as np
 import pytest
-from conftest import PROGRAMS, blast
+from conftest import PROGRAMS, blast, lmp
 
 from lammps_blast.analysis import EnergyLedger
 from lammps_blast.trajectory import open_universe
@@ -86,6 +87,14 @@ def test_binary_file_is_refused(tmp_path):
 def run(folder, *options, text=CASE):
     (folder / "case.yaml").write_text(text)
     return blast("run", "case.yaml", "--no-figures", *options, folder=folder)
+
+
+def test_progress_is_told_in_plain_lines_where_there_is_no_terminal(tmp_path):
+    text = CASE.replace("count: 20", "count: 1000").replace("duration: 0.01", "duration: 10.0")
+    done = run(tmp_path, text=text.replace("interval: 0.001", "interval: 1.0"))
+    assert done.returncode == 0
+    line = r"\d\S* of 10 s, [\d,]+ steps/s, \d+ s left"
+    assert re.search(line, done.stderr), done.stderr
 
 
 def test_finished_run_is_replaced_only_by_force(tmp_path):
@@ -244,3 +253,25 @@ def test_console_script_knows_its_commands(tmp_path):
         assert done.returncode == status, (arguments, done.stderr)
         assert "Traceback" not in done.stderr
     assert (tmp_path / "results" / "summary.json").is_file()
+
+
+def test_no_particle_is_lost_between_ranks_when_a_small_cloud_goes_far(tmp_path):
+    """A cloud that grows fortyfold over a row of ranks, each narrow at the start."""
+    text = CASE.replace("count: 20", "count: 200").replace(
+        "domain_radius: 1.0", "domain_radius: 0.5"
+    )
+    text = text.replace("100.0", "3.6e5").replace("duration: 0.01", "duration: 2.0")
+    text = text.replace("step: 1.0e-4", "step: 0.01").replace("interval: 0.001", "interval: 1.0")
+    text = text.replace("magnetic: [10, 0, 0]", "magnetic: [0, 0, 0]").replace(
+        "drag: chow", "drag: none"
+    )
+    (tmp_path / "case.yaml").write_text(text)
+    assert blast("deck", "case.yaml", folder=tmp_path).returncode == 0
+    deck = tmp_path / "in.blast"
+    deck.write_text(deck.read_text().replace("read_data", "processors 3 1 1\nread_data"))
+    done = lmp("-in", "in.blast", folder=tmp_path, ranks=3)
+    assert done.returncode == 0, done.stdout
+    trajectory = open_universe(tmp_path).trajectory
+    start, speed = trajectory[0].data["position"], trajectory[0].data["velocity"]
+    assert trajectory[-1].data["position"] == pytest.approx(start + 2.0 * speed, rel=1e-12)
+    assert np.abs(trajectory[-1].data["position"]).max() > 40 * np.abs(start).max()

@@ -71,8 +71,8 @@ def expected_spheroid(case: Case, universe: Universe) -> SpheroidTheory | str:
     """
     cloud = Cloud.of(universe)
     first = universe.trajectory[0].data
-    if "velocity" not in first or cloud.radius is None or cloud.charge is None:
-        return "the dump lacks velocities, radii or charges"
+    if missing := {"velocity", "mass", "radius", "q"} - set(first):
+        return f"the dump lacks {', '.join(sorted(missing))}"
     if case.blast is None:
         return "the case has no blast"
     if universe.trajectory[0].time != 0.0:
@@ -153,7 +153,7 @@ class Envelope(AnalysisBase):
         distance = np.linalg.norm(self._launch_offset, axis=1)
         # A particle at the centre has no launch direction of its own and leaves the fit alone.
         self._fitted = ~theory.on_centre_of_mass(launch, cloud.mass)
-        self._direction = self._launch_offset / np.where(self._fitted, distance, 1.0)[:, None]
+        self._direction = self._launch_offset / np.where(distance > 0.0, distance, 1.0)[:, None]
         self._sense = cloud.turning_sense
         self.results.launch_radius = float(distance.max())
 

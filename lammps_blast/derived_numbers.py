@@ -296,7 +296,7 @@ def _gyration_rows(launch: _Launch) -> Iterator[DerivedNumber]:
     yield _row("cyclotron_period", "T", period, "s", "eq. 2.10")
     note = _verlet_note(launch, omega, steps)
     yield _row("steps_per_gyration", "T/step", steps, "", "eq. 2.10", note)
-    yield _row("drift_speed", "|E x B|/B^2", _drift(launch), "m/s", "theory 1")
+    yield _row("drift_speed", "|E x B|/B^2", _drift(launch), "m/s", "E x B drift")
 
 
 def _gyration(launch: _Launch) -> Floats | str:
@@ -466,16 +466,16 @@ def _strongest_direction(electric: Floats, magnetic: Floats) -> Floats:
 def _spheroid_rows(launch: _Launch) -> Iterator[DerivedNumber]:
     note = "at the end" + _spheroid_note(launch)
     parallel, perpendicular = _semi_axes(launch, launch.case.time.duration)
-    yield _row("semi_axis_parallel", "a_par", parallel, "m", "theory 5", note)
-    yield _row("semi_axis_perpendicular", "a_perp", perpendicular, "m", "theory 5", note)
+    yield _row("semi_axis_parallel", "a_par", parallel, "m", "spheroid theorem", note)
+    yield _row("semi_axis_perpendicular", "a_perp", perpendicular, "m", "spheroid theorem", note)
 
 
 def _terminal_rows(launch: _Launch) -> Iterator[DerivedNumber]:
     note = "after infinite time" + _spheroid_note(launch)
     parallel, perpendicular = _semi_axes(launch, None)
-    yield _row("terminal_semi_axis_parallel", "a_par(inf)", parallel, "m", "theory 5", note)
+    yield _row("terminal_semi_axis_parallel", "a_par(inf)", parallel, "m", "spheroid theorem", note)
     yield _row(
-        "terminal_semi_axis_perpendicular", "a_perp(inf)", perpendicular, "m", "theory 5", note
+        "terminal_semi_axis_perpendicular", "a_perp(inf)", perpendicular, "m", "spheroid theorem", note
     )
 
 

@@ -193,7 +193,7 @@ class Envelope(AnalysisBase):
         results.blast_radius[frame] = np.hypot(along, across).max()
         if self._expected:
             a, b = self._expected.semi_axes(results.launch_radius, np.array(self._ts.time))
-            outside = np.hypot(along / a, across / b) > 1.0 + ENVELOPE_TOLERANCE
+            outside = np.hypot(along * b, across * a) > a * b * (1.0 + ENVELOPE_TOLERANCE)
             results.fraction_outside[frame] = outside.mean()
 
     def _conclude(self) -> None:

@@ -69,27 +69,22 @@ extern "C" __attribute__((visibility("default"))) void lammpsplugin_init(void *l
   entry.version = static_cast<LAMMPS *>(lmp)->version;
   entry.author = "the lammps-blast authors";
   entry.handle = handle;
+  const auto add = [&](const char *style, const char *name, const char *info) {
+    entry.style = style;
+    entry.name = name;
+    entry.info = info;
+    register_style(&entry, lmp);
+  };
 
-  entry.style = "command";
-  entry.name = "blast_pulse";
-  entry.info = "lammps-blast: radial pulse of a stated energy";
   entry.creator.from_lammps = &create_command<LAMMPS_NS::BlastPulse>;
-  register_style(&entry, lmp);
+  add("command", "blast_pulse", "lammps-blast: radial pulse of a stated energy");
 
-  entry.style = "fix";
-  entry.name = "lorentz/drag";
-  entry.info = "lammps-blast: magnetic force and drag";
   entry.creator.from_arguments = &create_style<LAMMPS_NS::FixLorentzDrag>;
-  register_style(&entry, lmp);
+  add("fix", "lorentz/drag", "lammps-blast: magnetic force and drag");
 
-  entry.name = "nve/sphere/lorentz";
-  entry.info = "lammps-blast: structure-preserving integration in a magnetic field and a medium";
   entry.creator.from_arguments = &create_style<LAMMPS_NS::FixNVESphereLorentz>;
-  register_style(&entry, lmp);
+  add("fix", "nve/sphere/lorentz", "lammps-blast: integration in a magnetic field and a medium");
 
-  entry.style = "compute";
-  entry.name = "lorentz/drag/atom";
-  entry.info = "lammps-blast: magnetic force and drag on each sphere";
   entry.creator.from_arguments = &create_style<LAMMPS_NS::ComputeLorentzDragAtom>;
-  register_style(&entry, lmp);
+  add("compute", "lorentz/drag/atom", "lammps-blast: magnetic force and drag on each sphere");
 }

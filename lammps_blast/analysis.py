@@ -25,6 +25,16 @@ from lammps_blast.spheroid import EQUAL_TOLERANCE, SpheroidTheory, spheroid_theo
 
 # Particles on the theoretical envelope are not outside it because of rounding.
 ENVELOPE_TOLERANCE = 1e-9
+# What an envelope is measured by, each a length against time.
+ENVELOPE_LENGTHS = (
+    "semi_axis_parallel",
+    "semi_axis_perpendicular",
+    "fit_residual",
+    "fit_residual_rms",
+    "extent_parallel",
+    "extent_perpendicular",
+    "blast_radius",
+)
 
 
 class AnalysisError(ValueError):
@@ -158,15 +168,7 @@ class Envelope(AnalysisBase):
         self.results.launch_radius = float(distance.max())
 
         frames = self.n_frames
-        for name in (
-            "semi_axis_parallel",
-            "semi_axis_perpendicular",
-            "fit_residual",
-            "fit_residual_rms",
-            "extent_parallel",
-            "extent_perpendicular",
-            "blast_radius",
-        ):
+        for name in ENVELOPE_LENGTHS:
             self.results[name] = np.full(frames, np.nan)
         self.results.centre = np.full((frames, 3), np.nan)
         self.results.fraction_outside = np.zeros(frames) if self._expected else None

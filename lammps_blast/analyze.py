@@ -22,6 +22,7 @@ import numpy as np
 from MDAnalysis import Universe
 
 from lammps_blast.analysis import (
+    ENVELOPE_LENGTHS,
     AnalysisError,
     Cloud,
     EnergyLedger,
@@ -242,15 +243,7 @@ def _envelope_summary(analyses: Analyses) -> dict[str, Any]:
         "launch_radius": results.launch_radius,
         "centre": results.centre[-1].tolist(),
     }
-    for name in (
-        "semi_axis_parallel",
-        "semi_axis_perpendicular",
-        "fit_residual",
-        "extent_parallel",
-        "extent_perpendicular",
-        "blast_radius",
-    ):
-        summary[name] = float(results[name][-1])
+    summary |= {name: float(results[name][-1]) for name in ENVELOPE_LENGTHS}
     if isinstance(expected, SpheroidTheory):
         parallel, perpendicular = expected.semi_axes(results.launch_radius, results.times[-1:])
         summary["theory"] = {
@@ -266,17 +259,7 @@ def _envelope_summary(analyses: Analyses) -> dict[str, Any]:
 
 def _envelope_columns(analyses: Analyses) -> dict[str, np.ndarray]:
     results, expected = analyses.envelope.results, analyses.expected
-    columns = {"time": results.times}
-    for name in (
-        "semi_axis_parallel",
-        "semi_axis_perpendicular",
-        "fit_residual",
-        "fit_residual_rms",
-        "extent_parallel",
-        "extent_perpendicular",
-        "blast_radius",
-    ):
-        columns[name] = results[name]
+    columns = {"time": results.times} | {name: results[name] for name in ENVELOPE_LENGTHS}
     columns |= {f"centre_{axis}": results.centre[:, i] for i, axis in enumerate("xyz")}
     if isinstance(expected, SpheroidTheory):
         axes = expected.semi_axes(results.launch_radius, results.times)

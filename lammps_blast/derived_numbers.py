@@ -475,7 +475,12 @@ def _terminal_rows(launch: _Launch) -> Iterator[DerivedNumber]:
     parallel, perpendicular = _semi_axes(launch, None)
     yield _row("terminal_semi_axis_parallel", "a_par(inf)", parallel, "m", "spheroid theorem", note)
     yield _row(
-        "terminal_semi_axis_perpendicular", "a_perp(inf)", perpendicular, "m", "spheroid theorem", note
+        "terminal_semi_axis_perpendicular",
+        "a_perp(inf)",
+        perpendicular,
+        "m",
+        "spheroid theorem",
+        note,
     )
 
 

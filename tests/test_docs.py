@@ -34,9 +34,6 @@ def name_of(path: Path) -> str:
     return str(path.relative_to(REPOSITORY))
 
 
-# --- examples -------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("text", blocks(CASE_PAGE, "yaml"))
 def test_cases_of_the_case_page_are_valid(text, tmp_path):
     (tmp_path / "particles.csv").write_text(blocks(CASE_PAGE, "csv")[0])
@@ -217,22 +214,14 @@ def test_numbers_of_the_physics_page_are_those_of_the_shipped_case():
 
 def test_every_style_of_the_plugin_has_its_section():
     source = (REPOSITORY / "cpp_plugins" / "plugin.cpp").read_text(encoding="utf-8")
-    kinds = re.findall(r'entry\.(style|name) = "([^"]+)"', source)
-    kind, styles = "", []
-    for key, value in kinds:
-        if key == "style":
-            kind = value
-        else:
-            styles.append(value if kind == "command" else f"{kind} {value}")
+    added = re.findall(r'add\("(\w+)", "([^"]+)"', source)
+    styles = [name if kind == "command" else f"{kind} {name}" for kind, name in added]
     assert len(styles) >= 4
     for style in styles:
         section = re.search(rf"^## {style} command\n(.*?)(?=^## |\Z)", STYLES_PAGE, re.M | re.S)
         assert section, style
         for heading in ("Syntax", "Examples", "Description", "Restrictions", "Related", "Default"):
             assert f"### {heading}" in section.group(1), f"{style}: {heading}"
-
-
-# --- links ----------------------------------------------------------------------------------
 
 
 def anchors(page: Path) -> set[str]:

@@ -128,6 +128,47 @@ def test_drag_alone_is_exact_for_any_step(simulate, law, step):
     assert speed[1] == 0.0
 
 
+@pytest.mark.parametrize(
+    ("keywords", "drag"),
+    [
+        ("drag stokes viscosity 1.8e-5", DragLaw("stokes", 0.0, 1.8e-5)),
+        (f"drag constant 0.5 {AIR}", DragLaw("constant", 1.225, 0.0, 0.5)),
+        (f"drag chow {AIR}", DragLaw("chow", 1.225, 1.8e-5)),
+    ],
+    ids=["stokes", "constant", "chow"],
+)
+def test_tiny_losses_of_many_steps_add_up(simulate, keywords, drag):
+    """Each step's loss is right to the rounding of the velocity that it is taken from."""
+    step, steps, speed = 1e-5, 20000, 1.6518
+    particles = make_particles([0.0, 0, 0], velocity=[speed, 0, 0])
+    simulation = simulate(particles)
+    simulation.commands(
+        f"fix integrate all nve/sphere/lorentz {keywords}\ntimestep {step}\nrun {steps}"
+    )
+    exact = theory.speed_history(
+        step * steps, speed, radius=0.05, mass=particles.mass[0], drag=drag
+    )
+    lost = speed - float(exact)
+    rounding = 0.5 * np.spacing(speed) / (0.5 * lost / steps)
+    assert speed - simulation.velocity[0, 0] == pytest.approx(lost, rel=rounding)
+    loss = 0.5 * particles.mass[0] * (speed**2 - float(exact) ** 2)
+    assert -simulation.work()[0] == pytest.approx(loss, rel=rounding)
+
+
+@pytest.mark.parametrize("law", ["constant 0.5", "chow", "stokes"])
+def test_drag_that_takes_nearly_all_at_once_leaves_the_right_rest(simulate, law):
+    particles = make_particles([0.0, 0, 0], velocity=[0.0, 1.0e8, 0.0])
+    simulation = simulate(particles)
+    simulation.commands(
+        f"fix integrate all nve/sphere/lorentz drag {law} density 1.225 viscosity 1.0\n"
+        "timestep 1.0e3\nrun 1"
+    )
+    kind, *coefficient = law.split()
+    drag = DragLaw(kind, 1.225, 1.0, *map(float, coefficient))
+    exact = theory.speed_history(1e3, 1e8, radius=0.05, mass=particles.mass[0], drag=drag)
+    assert simulation.velocity[0, 1] == pytest.approx(float(exact), rel=1e-9)
+
+
 def test_chow_drag_crosses_every_branch_of_its_fit_exactly(simulate):
     """A launch at Re = 5e6 that ends below Re = 1, in a medium made for it."""
     drag = DragLaw("chow", 1000.0, 1.0)

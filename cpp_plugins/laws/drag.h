@@ -88,13 +88,22 @@ inline Vector3 drag_force(const Medium &medium, double radius, const Vector3 &ve
   return {};
 }
 
-// u(time)/u(0) for du/dt = -rate u^power, power >= 1, exact.
-inline double slowdown(double speed, double rate, double power, double time)
+// What drag leaves of a speed relative to the medium, and what it takes: kept + lost = 1. Each is
+// known to rounding, where one minus the other would not be: after a short time nearly all is kept,
+// after a long one nearly all is lost.
+struct Slowing {
+  double kept = 1.0, lost = 0.0;
+};
+
+// Slowing under du/dt = -rate u^power, power >= 1, exact.
+inline Slowing slowing(double speed, double rate, double power, double time)
 {
-  if (power == 2.0) return 1.0 / (1.0 + rate * speed * time);
-  if (power == 1.0) return std::exp(-rate * time);
-  const double growth = (power - 1.0) * rate * std::pow(speed, power - 1.0) * time;
-  return std::pow(1.0 + growth, -1.0 / (power - 1.0));
+  double logarithm = rate * time; // of u(0)/u(time)
+  if (power != 1.0) {
+    const double growth = (power - 1.0) * rate * std::pow(speed, power - 1.0) * time;
+    logarithm = std::log1p(growth) / (power - 1.0);
+  }
+  return {std::exp(-logarithm), -std::expm1(-logarithm)};
 }
 
 // Time in which du/dt = -rate u^power brings the speed down to `lower`.
@@ -104,48 +113,56 @@ inline double time_to_slow(double speed, double lower, double rate, double power
   return (std::pow(lower, 1.0 - power) - std::pow(speed, 1.0 - power)) / ((power - 1.0) * rate);
 }
 
-// Re(time)/Re(0) under eq. 4.2, where dRe/dt = -rate C_D Re^2 with rate = pi R mu_f / 4 m: a power
-// law on each branch. Re only falls, so the branches are left one after the other, each at an
-// instant known in closed form.
-inline double chow_slowdown(double reynolds, double rate, double time)
+// Slowing under eq. 4.2, where dRe/dt = -rate C_D Re^2 with rate = pi R mu_f / 4 m: a power law on
+// each branch. Re only falls, so the branches are left one after the other, each at an instant
+// known in closed form.
+inline Slowing chow_slowing(double reynolds, double rate, double time)
 {
-  double ratio = 1.0;
+  const double start = reynolds;
   for (int i = chow_branch(reynolds); i > 0; --i) {
     const ChowBranch &branch = chow_branches[i];
     const double branch_rate = rate * branch.coefficient, power = 2.0 + branch.exponent;
-    const double on_branch = slowdown(reynolds, branch_rate, power, time);
-    if (reynolds * on_branch > branch.reynolds_above) return ratio * on_branch;
+    const Slowing here = slowing(reynolds, branch_rate, power, time);
+    if (reynolds * here.kept > branch.reynolds_above || reynolds == 0.0) {
+      if (reynolds == start) return here;
+      const double before = reynolds / start;
+      return {before * here.kept, 1.0 - before + before * here.lost};
+    }
     time -= time_to_slow(reynolds, branch.reynolds_above, branch_rate, power);
-    ratio *= branch.reynolds_above / reynolds;
     reynolds = branch.reynolds_above;
-    if (time <= 0.0) return ratio;
+    if (time <= 0.0) return {reynolds / start, (start - reynolds) / start};
   }
-  return ratio * slowdown(reynolds, rate * chow_branches[0].coefficient, 1.0, time);
+  const Slowing here = slowing(reynolds, rate * chow_branches[0].coefficient, 1.0, time);
+  if (reynolds == start) return here;
+  const double before = reynolds / start;
+  return {before * here.kept, 1.0 - before + before * here.lost};
 }
 
-// u(time)/u(0) under eq. 3.6 with C_D constant, eq. 4.10: 1 / (1 + K u(0) time)
-inline double quadratic_slowdown(const Medium &medium, double radius, double mass,
+// Slowing under eq. 3.6 with C_D constant, eq. 4.10: kept = 1 / (1 + K u time)
+inline Slowing quadratic_slowing(const Medium &medium, double radius, double mass,
                                  double drag_coefficient, double speed, double time)
 {
-  return mass / (mass + dynamic_pressure_area(medium, radius) * drag_coefficient * speed * time);
+  const double swept = dynamic_pressure_area(medium, radius) * drag_coefficient * speed * time;
+  const double per_mass = 1.0 / (mass + swept);
+  return {mass * per_mass, swept * per_mass};
 }
 
-// u(time)/u(0) under drag alone, exact for every law.
-inline double drag_slowdown(const Medium &medium, double radius, double mass, double speed,
+// Slowing under drag alone, exact for every law.
+inline Slowing drag_slowing(const Medium &medium, double radius, double mass, double speed,
                             double time)
 {
   switch (medium.law) {
   case DragLaw::constant:
-    return quadratic_slowdown(medium, radius, mass, medium.drag_coefficient, speed, time);
+    return quadratic_slowing(medium, radius, mass, medium.drag_coefficient, speed, time);
   case DragLaw::chow:
-    return chow_slowdown(reynolds_number(medium, radius, speed),
-                         0.25 * pi * radius * medium.viscosity / mass, time);
+    return chow_slowing(reynolds_number(medium, radius, speed),
+                        0.25 * pi * radius * medium.viscosity / mass, time);
   case DragLaw::stokes:
-    return slowdown(speed, stokes_friction(medium, radius) / mass, 1.0, time);
+    return slowing(speed, stokes_friction(medium, radius) / mass, 1.0, time);
   case DragLaw::none:
     break;
   }
-  return 1.0;
+  return {};
 }
 
 // C_D where it is one and the same for every Reynolds number from `low` to `high`, else -1.
@@ -157,10 +174,20 @@ inline double common_drag_coefficient(const Medium &medium, double low, double h
   return branch.exponent == 0.0 && low > branch.reynolds_above ? branch.coefficient : -1.0;
 }
 
-// Velocity after its part relative to the medium has changed by a factor.
-inline Vector3 slowed(const Vector3 &velocity, const Vector3 &medium_velocity, double factor)
+// Velocity after it has lost a part, not over `little`, of what it was relative to the medium.
+constexpr double little = 0.5;
+
+inline Vector3 slowed_a_little(const Vector3 &velocity, const Vector3 &medium_velocity, double lost)
 {
-  return velocity + (factor - 1.0) * (velocity - medium_velocity);
+  return velocity - lost * (velocity - medium_velocity);
+}
+
+// Velocity after any slowing of its part relative to the medium.
+inline Vector3 slowed(const Vector3 &velocity, const Vector3 &medium_velocity,
+                      const Slowing &slowing)
+{
+  if (slowing.lost <= little) return slowed_a_little(velocity, medium_velocity, slowing.lost);
+  return medium_velocity + slowing.kept * (velocity - medium_velocity);
 }
 
 } // namespace blast

@@ -17,6 +17,8 @@ FixNVESphereLorentz::FixNVESphereLorentz(LAMMPS *lmp, int narg, char **arg)
     : Fix(lmp, narg, arg), fields(lmp, STYLE, 3, narg, arg)
 {
   fields.check(lmp, STYLE);
+  if (!atom->omega_flag || !atom->torque_flag)
+    error->all(FLERR, "{} requires atom attributes omega and torque", STYLE);
   time_integrate = 1;
   dynamic_group_allow = 1;
   restart_global = 1;

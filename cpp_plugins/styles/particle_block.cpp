@@ -9,10 +9,11 @@
 using namespace LAMMPS_NS;
 using blast::Gyration;
 using blast::Medium;
+using blast::Slowing;
 using blast::Vector3;
 
 // One build serves every processor of a cluster: the loader picks the widest vectors there are.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+#ifdef BLAST_VECTOR_CLONES_WORK
 #define BLAST_VECTOR_CLONES                                                                        \
   __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #define BLAST_INLINE inline __attribute__((always_inline))
@@ -57,27 +58,27 @@ BLAST_INLINE bool all_equal(const double *values, int count)
   return !any_differs(values, count, values[0]);
 }
 
-// Laws of drag over half a step: the factor that it leaves of a speed relative to the medium.
+// Laws of drag over half a step.
 
 struct NoDrag {
   static constexpr bool acts = false;
-  double operator()(double /*radius*/, double /*mass*/, double /*speed*/) const { return 1.0; }
+  Slowing operator()(double /*radius*/, double /*mass*/, double /*speed*/) const { return {}; }
 };
 
 struct QuadraticDrag {
   static constexpr bool acts = true;
   Medium medium;
   double drag_coefficient, time;
-  double operator()(double radius, double mass, double speed) const
+  Slowing operator()(double radius, double mass, double speed) const
   {
-    return blast::quadratic_slowdown(medium, radius, mass, drag_coefficient, speed, time);
+    return blast::quadratic_slowing(medium, radius, mass, drag_coefficient, speed, time);
   }
 };
 
 struct EqualDrag { // of spheres of one size and mass, under Stokes' law
   static constexpr bool acts = true;
-  double factor;
-  double operator()(double /*radius*/, double /*mass*/, double /*speed*/) const { return factor; }
+  Slowing slowing;
+  Slowing operator()(double /*radius*/, double /*mass*/, double /*speed*/) const { return slowing; }
 };
 
 // Where a step brings the particles of a block, kept apart until it is known to be right.
@@ -85,6 +86,7 @@ struct Moved {
   double x[ParticleBlock::CAPACITY], y[ParticleBlock::CAPACITY], z[ParticleBlock::CAPACITY];
   double vx[ParticleBlock::CAPACITY], vy[ParticleBlock::CAPACITY], vz[ParticleBlock::CAPACITY];
   double low = INFINITY, high = 0.0; // range of radius times speed relative to the medium
+  double most_lost = 0.0;            // largest part of such a speed lost in half a step
   DriftWork work;
 
   BLAST_INLINE void store(ParticleBlock block) const
@@ -98,32 +100,37 @@ struct Moved {
 };
 
 // The step itself. Arguments that the loop reads are copies, so that nothing seems to change them.
-template <class Slowdown, class GyrationOf>
-BLAST_INLINE void move(const ParticleBlock block, const Vector3 wind, const Slowdown slowdown,
+template <class Drag, class GyrationOf>
+BLAST_INLINE void move(const ParticleBlock block, const Vector3 wind, const Drag slowing_of,
                        const GyrationOf gyration_of, const Vector3 axis, double step, Moved &moved)
 {
-  double low = INFINITY, high = 0.0, drag_work = 0.0, magnetic_work = 0.0;
-#pragma omp simd reduction(+ : drag_work, magnetic_work) reduction(min : low) reduction(max : high)
+  double low = INFINITY, high = 0.0, most_lost = 0.0, drag_work = 0.0, magnetic_work = 0.0;
+#pragma omp simd reduction(+ : drag_work, magnetic_work) reduction(min : low)                      \
+    reduction(max : high, most_lost)
   for (int j = 0; j < block.count; j++) {
     const double mass = block.mass[j], radius = block.radius[j];
     Vector3 position = block.position(j), velocity = block.velocity(j);
 
     const double at_start = dot(velocity, velocity);
-    if (Slowdown::acts) {
-      const double speed = norm(velocity - wind), factor = slowdown(radius, mass, speed);
-      velocity = blast::slowed(velocity, wind, factor);
+    if (Drag::acts) {
+      const double speed = norm(velocity - wind);
+      const Slowing slowing = slowing_of(radius, mass, speed);
+      velocity = blast::slowed_a_little(velocity, wind, slowing.lost);
       high = std::max(high, radius * speed);
-      low = std::min(low, radius * speed * factor);
+      low = std::min(low, radius * speed * slowing.kept);
+      most_lost = slowing.lost > most_lost ? slowing.lost : most_lost;
     }
     const double before_turn = dot(velocity, velocity);
     const Gyration &gyration = gyration_of(j);
     gyrate(gyration, axis, step, position, velocity);
     const double after_turn = dot(velocity, velocity);
-    if (Slowdown::acts) {
-      const double speed = norm(velocity - wind), factor = slowdown(radius, mass, speed);
-      velocity = blast::slowed(velocity, wind, factor);
+    if (Drag::acts) {
+      const double speed = norm(velocity - wind);
+      const Slowing slowing = slowing_of(radius, mass, speed);
+      velocity = blast::slowed_a_little(velocity, wind, slowing.lost);
       high = std::max(high, radius * speed);
-      low = std::min(low, radius * speed * factor);
+      low = std::min(low, radius * speed * slowing.kept);
+      most_lost = slowing.lost > most_lost ? slowing.lost : most_lost;
     }
     const double at_end = dot(velocity, velocity);
 
@@ -134,6 +141,7 @@ BLAST_INLINE void move(const ParticleBlock block, const Vector3 wind, const Slow
   }
   moved.low = low;
   moved.high = high;
+  moved.most_lost = most_lost;
   moved.work = {drag_work, magnetic_work};
 }
 
@@ -144,27 +152,40 @@ double slow_down(const ParticleBlock &block, const Medium &medium, double time)
   for (int j = 0; j < block.count; j++) {
     const Vector3 before = block.velocity(j);
     const double speed = norm(before - medium.velocity);
-    const double factor = drag_slowdown(medium, block.radius[j], block.mass[j], speed, time);
-    const Vector3 after = blast::slowed(before, medium.velocity, factor);
+    const Slowing slowing = drag_slowing(medium, block.radius[j], block.mass[j], speed, time);
+    const Vector3 after = blast::slowed(before, medium.velocity, slowing);
     after.store(block.v + 3 * j);
     work += 0.5 * block.mass[j] * (dot(after, after) - dot(before, before));
   }
   return work;
 }
 
-// Tries one C_D for the block, which is right if the law has it for every Reynolds number met.
+// Tries to move the block as a whole; false where that is not right for every particle in it: under
+// Stokes' law for unequal spheres, where Chow's fit has more than one C_D for the Reynolds numbers
+// met, and where drag takes so much that the rounding of the little that is left would show.
 template <class GyrationOf>
-BLAST_INLINE bool move_with_one_coefficient(const ParticleBlock &block, const Medium &medium,
-                                            const GyrationOf &gyration_of, const Vector3 &axis,
-                                            double step, Moved &moved)
+BLAST_INLINE bool move_as_one(const ParticleBlock &block, const Medium &medium,
+                              const GyrationOf &gyration_of, const Vector3 &axis, double step,
+                              bool equal_spheres, Moved &moved)
 {
-  const double speed = norm(block.velocity(0) - medium.velocity);
-  const double reynolds = reynolds_number(medium, block.radius[0], speed);
+  if (medium.law == blast::DragLaw::none) {
+    move(block, {}, NoDrag(), gyration_of, axis, step, moved);
+    return true;
+  }
+  const double radius = block.radius[0], speed = norm(block.velocity(0) - medium.velocity);
+  if (medium.law == blast::DragLaw::stokes) {
+    if (!equal_spheres) return false;
+    const EqualDrag drag{drag_slowing(medium, radius, block.mass[0], speed, 0.5 * step)};
+    move(block, medium.velocity, drag, gyration_of, axis, step, moved);
+    return moved.most_lost <= blast::little;
+  }
+  const double reynolds = reynolds_number(medium, radius, speed);
   const double drag_coefficient = common_drag_coefficient(medium, reynolds, reynolds);
   if (drag_coefficient < 0.0) return false;
   const QuadraticDrag drag{medium, drag_coefficient, 0.5 * step};
   move(block, medium.velocity, drag, gyration_of, axis, step, moved);
-  return common_drag_coefficient(medium, reynolds_number(medium, moved.low, 1.0),
+  return moved.most_lost <= blast::little &&
+         common_drag_coefficient(medium, reynolds_number(medium, moved.low, 1.0),
                                  reynolds_number(medium, moved.high, 1.0)) == drag_coefficient;
 }
 
@@ -174,26 +195,15 @@ BLAST_INLINE DriftWork drift_with(const ParticleBlock &block, const Medium &medi
                                   bool equal_spheres)
 {
   Moved moved;
-  double further_work = 0.0;
-  if (medium.law == blast::DragLaw::none) {
-    move(block, {}, NoDrag(), gyration_of, axis, step, moved);
+  if (move_as_one(block, medium, gyration_of, axis, step, equal_spheres, moved)) {
     moved.store(block);
-  } else if (medium.law == blast::DragLaw::stokes && equal_spheres) {
-    const double any_speed = 0.0;
-    const EqualDrag drag{
-        drag_slowdown(medium, block.radius[0], block.mass[0], any_speed, 0.5 * step)};
-    move(block, medium.velocity, drag, gyration_of, axis, step, moved);
-    moved.store(block);
-  } else if (move_with_one_coefficient(block, medium, gyration_of, axis, step, moved)) {
-    moved.store(block);
-  } else {
-    further_work = slow_down(block, medium, 0.5 * step);
-    move(block, {}, NoDrag(), gyration_of, axis, step, moved);
-    moved.store(block);
-    further_work += slow_down(block, medium, 0.5 * step);
+    return moved.work;
   }
-  moved.work.drag += further_work;
-  return moved.work;
+  double drag_work = slow_down(block, medium, 0.5 * step);
+  move(block, {}, NoDrag(), gyration_of, axis, step, moved);
+  moved.store(block);
+  drag_work += slow_down(block, medium, 0.5 * step);
+  return {drag_work, moved.work.magnetic};
 }
 
 } // namespace

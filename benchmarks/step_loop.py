@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.section_6 import MAGNETIC, MEDIUM_DENSITY, PULSE_ENERGY, STEP, VISCOSITY
-from lammps_blast.deck import write_particle_data
+from lammps_blast.deck import system_commands, write_particle_data
 from lammps_blast.engine import start_lammps
 from lammps_blast.particles import Particles
 
@@ -29,16 +29,6 @@ INTEGRATORS = {
     "verlet": f"fix external all lorentz/drag {FIELD} drag chow {AIR}\n"
     "fix integrate all nve/sphere",
 }
-
-# As in the decks of lammps_blast.deck, without energy table, dump and restart files.
-SYSTEM = """\
-units si
-atom_style hybrid sphere charge
-boundary s s s
-atom_modify sort 0 0.0
-comm_modify cutoff 1.0e-9
-neigh_modify every 1000 delay 0 check no
-"""
 
 
 @dataclass(frozen=True)
@@ -62,9 +52,8 @@ class StepLoop:
             return 1e9 * _loop_seconds(log) / (len(self.particles) * self.steps)
 
     def _deck(self, data: Path, log: Path) -> str:
-        return f"""{SYSTEM}
-read_data {data}
-timestep {STEP}
+        system = system_commands(self.particles, str(data)).replace("${step}", f"{STEP}")
+        return f"""{system}
 {INTEGRATORS[self.integrator]}
 blast_pulse all {PULSE_ENERGY} seed 1
 thermo 0

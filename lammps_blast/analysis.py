@@ -237,12 +237,13 @@ def _fit_launch_map(
 
     parallel = _slope(moved[:, 2], turned[:, 2])
     perpendicular = _slope(_complex(moved), _complex(turned))
-    residual = moved - _mapped(turned, parallel, perpendicular)
-    distance = np.linalg.norm(residual, axis=1)
+    # Where directions leave a slope open, as those of a ring or a line do, they have no part of it.
+    known = np.nan_to_num(parallel), np.nan_to_num(perpendicular)
+    distance = np.linalg.norm(moved - _mapped(turned, *known), axis=1)
     shifts = {}
-    if np.isfinite(parallel) and np.isfinite(perpendicular):
+    if np.isfinite(parallel) or np.isfinite(perpendicular):
         shifts = {
-            s: _mirrored(moved_mean - _mapped(turned_mean, parallel, perpendicular), np.array(s))
+            s: _mirrored(moved_mean - _mapped(turned_mean, *known), np.array(s))
             for s, (turned_mean, moved_mean) in means.items()
         }
     return _LaunchMap(
@@ -271,18 +272,23 @@ def _mapped(direction: np.ndarray, parallel: float, perpendicular: complex) -> n
 
 
 def _slope(values: np.ndarray, arguments: np.ndarray) -> complex:
-    """Return the least-squares slope of a line through the origin, NaN where there is none."""
+    """Return the least-squares slope of a line through the origin, NaN where there is none.
+
+    Arguments are parts of unit vectors; those of rounding size count as none.
+    """
     square = np.vdot(arguments, arguments).real
-    return np.vdot(arguments, values) / square if square > 0.0 else complex(np.nan)
+    enough = square > 1e-18 * len(arguments)
+    return np.vdot(arguments, values) / square if enough else complex(np.nan)
 
 
 def _frame_about(axis: Sequence[float]) -> np.ndarray:
     """Return a right-handed orthonormal frame, one vector a row, the third one along `axis`."""
     direction = np.asarray(axis, dtype=float)
-    length = np.linalg.norm(direction)
-    if direction.shape != (3,) or not 0.0 < length < np.inf:
-        raise AnalysisError(f"the axis of an envelope must be a direction, not {list(axis)}")
-    third = direction / length
+    largest = np.abs(direction).max(initial=0.0)
+    if direction.shape != (3,) or not 0.0 < largest < np.inf:
+        given = " ".join(map(str, direction.tolist()))
+        raise AnalysisError(f"the axis of an envelope must be a direction, not {given}")
+    third = direction / largest / np.linalg.norm(direction / largest)
     first = np.cross(np.eye(3)[np.argmin(np.abs(third))], third)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(third, first), third])
@@ -425,6 +431,12 @@ class EnergyLedger:
     def launch_energy(self) -> float:
         """Kinetic energy right after the pulse, J."""
         return float(self.kinetic[0] + self.rotational[0])
+
+    @property
+    def turnover(self) -> float:
+        """Largest amount of energy in any account, J: what an error of the ledger is a part of."""
+        accounts = (self.kinetic, self.rotational, self.electric_work, self.drag_loss)
+        return float(max(np.abs(account).max() for account in accounts))
 
     @property
     def residual(self) -> np.ndarray:

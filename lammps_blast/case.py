@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -36,6 +37,9 @@ MAX_FILE_BYTES = 2**18
 MAX_STEPS = 2**31 - 1
 # A duration is a whole number of steps when it misses one by less than this part of itself.
 WHOLE_STEPS_TOLERANCE = 1e-6
+
+# No quantity in SI units is beyond these; past them products leave the range of doubles.
+SMALLEST_SIZE, LARGEST_SIZE = 1e-100, 1e100
 
 _NOT_YET = "not supported yet by this version of lammps-blast"
 _NOT_YET_KEYS = {("contact",), ("bond",), ("near_field",), ("time", "implicit")}
@@ -97,15 +101,27 @@ def _as_vector(value: object) -> object:
     return tuple(value)
 
 
+def is_of_sane_size(value: float) -> bool:
+    """Tell whether a number is zero or one whose square and cube a double can hold."""
+    return value == 0.0 or SMALLEST_SIZE <= abs(value) <= LARGEST_SIZE
+
+
+def _of_sane_size(value: float) -> float:
+    if not is_of_sane_size(value):
+        raise ValueError(f"must be zero or between {SMALLEST_SIZE:g} and {LARGEST_SIZE:g} in size")
+    return value
+
+
 def _without_control_characters(value: str) -> str:
     if any(unicodedata.category(character) in {"Cc", "Cs", "Zl", "Zp"} for character in value):
         raise ValueError("must be one line of text without control characters")
     return value
 
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-Vector = Annotated[tuple[float, float, float], BeforeValidator(_as_vector)]
+Quantity = Annotated[float, AfterValidator(_of_sane_size)]
+Positive = Annotated[Quantity, Field(gt=0)]
+NonNegative = Annotated[Quantity, Field(ge=0)]
+Vector = Annotated[tuple[Quantity, Quantity, Quantity], BeforeValidator(_as_vector)]
 ZERO_VECTOR = (0.0, 0.0, 0.0)
 
 
@@ -119,7 +135,7 @@ class Packing(_Section):
     """How equal spheres are placed inside a spherical domain of radius `domain_radius` (m)."""
 
     method: Literal["rsa"] = "rsa"
-    domain_radius: float = Field(gt=0, le=1e100, description="a length in m")
+    domain_radius: Positive = Field(description="a length in m")
     relax: bool = False
 
     @field_validator("relax")
@@ -140,7 +156,7 @@ class PackedParticles(_Section):
     count: int = Field(ge=1, lt=2**31, description="a number of particles")
     radius: Positive = Field(description="a length in m")
     density: Positive = Field(description="a density in kg/m3")
-    charge_per_mass: float = Field(description="a number in C/kg")
+    charge_per_mass: Quantity = Field(description="a number in C/kg")
     positive_fraction: float = Field(ge=0, le=1, default=1.0)
     packing: Packing = Field(description="a section with at least `domain_radius`")
 

@@ -22,12 +22,14 @@ CASE = "case.yaml"
 PARTICLE_TABLE = "particles.csv"
 ENERGY_TABLE = "energy.csv"
 RESTART_FOLDER = "restart"
+RESTARTS = tuple(f"{RESTART_FOLDER}/blast.{name}" for name in ("1", "2", "interrupted"))
 TEXT_TRAJECTORY = "trajectory.lammpstrj"
 BINARY_TRAJECTORY = "trajectory.lammpsbin"  # LAMMPS writes binary for .bin and .lammpsbin
 TRAJECTORIES = {"text": TEXT_TRAJECTORY, "binary": BINARY_TRAJECTORY}
 
-# Part of the cloud's width that is narrower than the share of one among very many ranks.
-SKIN_OF_CLOUD = 0.02
+# Part of the cloud's first width: narrower than the share of one among dozens of ranks in a row,
+# even where a magnetic field draws the cloud together to a fraction of that width.
+SKIN_OF_CLOUD = 0.005
 
 ENERGY_ACCOUNTS = (
     "kinetic",
@@ -108,7 +110,7 @@ def deck_text(case: Case, particles: Particles) -> str:
     blocks = [
         _header(case),
         _settings(case),
-        _system(particles),
+        system_commands(particles, PARTICLE_DATA),
         _forces_and_integration(case),
         _launch(case),
         _ledger(case),
@@ -123,6 +125,7 @@ def _header(case: Case) -> str:
 # Case {case.name}, in SI units. To run it, with lammps-blast's plugin known to LAMMPS:
 #   lmp -in {DECK}        mpiexec -n 4 lmp -in {DECK}
 # A line "variable NAME index VALUE" is a default: `lmp -in {DECK} -var NAME OTHER` overrides it.
+# Duration and intervals are to be whole numbers of steps.
 """
 
 
@@ -144,20 +147,21 @@ def _settings(case: Case) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _system(particles: Particles) -> str:
+def system_commands(particles: Particles, data: str) -> str:
+    """Return the commands that set up LAMMPS for `particles`, read from the file `data`."""
     extent = np.ptp(particles.position, axis=0).max() + 2.0 * particles.radius.max()
     return f"""\
 units si
 atom_style hybrid sphere charge
 # A box that follows the cloud: nothing is ever lost, and bins stay as small as the cloud.
 boundary s s s
-# Particles do not interact: ranks share the work and need no ghosts. Particles change ranks once
-# one of them has moved half the skin, long before it could cross a whole rank's share of the cloud.
+# Particles do not interact: ranks share the work and need no ghosts. Particles change ranks as soon
+# as one of them has moved half the skin, so that none crosses a whole rank's share unnoticed.
 atom_modify sort 0 0.0
 comm_modify cutoff 1.0e-9
 neighbor {_number(SKIN_OF_CLOUD * extent)} bin
 neigh_modify every 1 delay 0 check yes
-read_data {PARTICLE_DATA}
+read_data {data}
 timestep ${{step}}
 """
 
@@ -238,7 +242,7 @@ def _output(case: Case) -> str:
 dump_modify trajectory {modify}
 shell mkdir {RESTART_FOLDER}
 # Two files in turn: a crash while one is written leaves the other.
-restart ${{restart_every}} {RESTART_FOLDER}/blast.1 {RESTART_FOLDER}/blast.2
+restart ${{restart_every}} {RESTARTS[0]} {RESTARTS[1]}
 """
 
 
@@ -272,6 +276,7 @@ def main(argv: list[str] | None = None) -> int:
     """Write a case's deck and data into a folder; return the exit status."""
     parser = argparse.ArgumentParser(prog="lammps-blast deck", description=main.__doc__)
     parser.add_argument("case", type=Path, help="case file, YAML")
+    parser.add_argument("--force", action="store_true", help="replace another case in the folder")
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="folder, default: the case's own"
     )
@@ -283,10 +288,14 @@ def main(argv: list[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return 2
     folder = options.output or case.folder
+    elsewhere = folder.resolve() != case.folder.resolve()
+    if elsewhere and (folder / CASE).exists() and not options.force:
+        print(f"{folder} holds a case already: give --force to replace it", file=sys.stderr)
+        return 3
     try:
         folder.mkdir(parents=True, exist_ok=True)
         write_deck(case, particles, folder)
-        if folder.resolve() != case.folder.resolve():
+        if elsewhere:
             write_resolved_case(case, folder)
     except OSError as error:
         print(f"cannot write the deck: {error}", file=sys.stderr)

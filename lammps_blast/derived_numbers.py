@@ -18,7 +18,7 @@ from rich.table import Table
 
 from lammps_blast import theory
 from lammps_blast.case import Case, PackedParticles
-from lammps_blast.particles import create_particles
+from lammps_blast.particles import Particles, create_particles
 from lammps_blast.spheroid import spheroid_theory
 from lammps_blast.theory import DragLaw, Floats
 
@@ -28,6 +28,8 @@ Value: TypeAlias = int | float | tuple[float, float] | None
 LARGEST_PACKED_COUNT = 20_000
 # The paper has 628 steps a gyration; with fewer than this, velocity-Verlet is off in the picture.
 FEWEST_STEPS_PER_GYRATION = 20
+# Drag and drift are split in a step; at this part of the time of slowing paths are off by 1e-3.
+LARGEST_PART_OF_SLOWING = 0.1
 BEYOND_RANGE = "infinite, or beyond the range of floating-point numbers"
 # Quantities of one input value differ from each other by rounding.
 SAME = 1e-12
@@ -164,6 +166,22 @@ class _Launch:
     @property
     def wind(self) -> bool:
         return any(self.case.medium.velocity) and self.drag.kind != "none"
+
+
+def step_warnings(case: Case, particles: Particles) -> Iterator[str]:
+    """Yield what is wrong with the step of a case, before it runs."""
+    medium = case.medium
+    pulse = _pulse_speed(case, float(particles.mass.sum())) or 0.0
+    relative = pulse + np.linalg.norm(particles.velocity - medium.velocity, axis=1)
+    drag = DragLaw(medium.drag, medium.density, medium.viscosity, medium.drag_coefficient)
+    with np.errstate(all="ignore"):
+        slowing = theory.drag_resistance(relative, particles.radius, drag) / particles.mass
+    shortest = 1.0 / slowing.max() if slowing.max() > 0.0 else np.inf
+    if case.time.step > LARGEST_PART_OF_SLOWING * shortest:
+        yield (
+            f"time.step is {case.time.step / shortest:.2g} times the {shortest:.2g} s in which "
+            "drag slows a particle: paths come out wrong; take a tenth of that time or less"
+        )
 
 
 def _launch(case: Case) -> _Launch:

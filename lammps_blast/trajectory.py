@@ -672,7 +672,7 @@ class BlastDumpReader(ReaderBase):
         if self._timestep is None and self._dump.untimed is not None:
             raise TrajectoryError(
                 f"{self.filename}: frame {self._dump.untimed} has no time; give the length of a "
-                "step in seconds, as in open_universe(path, timestep=1e-4), "
+                "step in seconds, as `--timestep 1e-4` or open_universe(path, timestep=1e-4), "
                 "or write dumps with 'dump_modify ... time yes'"
             )
 

@@ -113,6 +113,27 @@ def test_extents_are_those_of_the_outermost_particles(tmp_path):
     assert results.blast_radius == pytest.approx([1.0, 3.0])
 
 
+@pytest.mark.parametrize("shape", ["ring", "line"])
+def test_degenerate_clouds_leave_open_what_they_cannot_tell(tmp_path, shape):
+    angle = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
+    if shape == "ring":
+        launch = np.outer(np.cos(angle), FIRST) + np.outer(np.sin(angle), SECOND)
+        moved = 1.5 * launch + [0.3, 0.0, 0.1]
+    else:
+        launch = np.outer(np.linspace(-1, 1, 4), AXIS)
+        moved = launch + np.sign(launch @ AXIS)[:, None] * AXIS + 2.0 * FIRST
+    results = envelope_of(tmp_path, launch, moved, np.ones(len(launch)))
+    if shape == "ring":
+        assert np.isnan(results.semi_axis_parallel[1])
+        assert results.semi_axis_perpendicular[1] == pytest.approx(1.5)
+    else:
+        assert results.semi_axis_parallel[1] == pytest.approx(2.0)
+        assert np.isnan(results.semi_axis_perpendicular[1])
+        assert results.extent_perpendicular[1] == pytest.approx(0.0, abs=1e-12)
+        assert results.centre[1] == pytest.approx(2.0 * FIRST)
+    assert results.fit_residual[1] < 1e-12
+
+
 def test_speeds_and_energies(tmp_path):
     rng = np.random.default_rng(2)
     mass, radius = rng.uniform(1, 2, 50), rng.uniform(0.1, 0.2, 50)

@@ -1,5 +1,6 @@
 """The run command under bad input and failures: what it says, its exit status, what it leaves."""
 
+import json
 import os
 import re
 import signal
@@ -99,15 +100,61 @@ def test_progress_is_told_in_plain_lines_where_there_is_no_terminal(tmp_path):
 
 def test_finished_run_is_replaced_only_by_force(tmp_path):
     assert run(tmp_path).returncode == 0
-    keepsake = tmp_path / "runs" / "small" / "notes.txt"
-    keepsake.write_text("mine")
+    keepsakes = [tmp_path / "runs" / "small" / name for name in ("notes.txt", "figures/mine.pdf")]
+    for keepsake in keepsakes:
+        keepsake.parent.mkdir(exist_ok=True)
+        keepsake.write_text("mine")
     before = (tmp_path / "runs" / "small" / "summary.json").read_bytes()
     refused = run(tmp_path)
     assert refused.returncode == 3
     assert "--force" in refused.stderr
     assert (tmp_path / "runs" / "small" / "summary.json").read_bytes() == before
     assert run(tmp_path, "--force").returncode == 0
+    assert [keepsake.read_text() for keepsake in keepsakes] == ["mine", "mine"]
+
+
+def test_first_run_leaves_what_else_is_in_its_folder(tmp_path):
+    keepsake = tmp_path / "paper" / "restart" / "mine"
+    keepsake.parent.mkdir(parents=True)
+    keepsake.write_text("mine")
+    assert run(tmp_path, "--output", "paper").returncode == 0
     assert keepsake.read_text() == "mine"
+
+
+def test_force_does_not_destroy_the_particle_file(tmp_path):
+    (tmp_path / "out").mkdir()
+    table = tmp_path / "out" / "particles.csv"
+    table.write_text("x,y,z,radius,density,charge_per_mass\n0,0,0,0.1,1000,1\n")
+    text = "name: a\nparticles: {file: out/particles.csv}\ntime: {duration: 1, step: 0.1}\n"
+    done = run(tmp_path, "--output", "out", "--force", text=text)
+    assert done.returncode == 3
+    assert "input" in done.stderr
+    assert table.exists()
+
+
+def test_run_that_broke_off_is_called_incomplete(tmp_path):
+    assert run(tmp_path).returncode == 0
+    folder = tmp_path / "runs" / "small"
+    case = folder / "case.yaml"
+    case.write_text(case.read_text().replace("duration: 0.01", "duration: 0.02"))
+    done = blast("analyze", folder, "--no-figures", folder=tmp_path)
+    assert "ends before" in done.stdout
+    assert json.loads((folder / "summary.json").read_text())["complete"] is False
+
+
+def test_step_too_large_for_drag_is_warned_about(tmp_path):
+    text = CASE.replace("radius: 0.05", "radius: 1.0e-6").replace(
+        "domain_radius: 1.0", "domain_radius: 1.0e-4"
+    )
+    done = run(tmp_path, text=text.replace("100.0", "1.0e-12"))
+    assert done.returncode == 0
+    assert "time.step is" in done.stderr
+
+
+def test_launch_faster_than_light_is_refused(tmp_path):
+    done = run(tmp_path, text=CASE.replace("100.0", "1.0e25"))
+    assert done.returncode == 2
+    assert "faster than light" in done.stderr
 
 
 def test_folder_of_the_case_itself_is_refused(tmp_path):

@@ -39,7 +39,7 @@ __all__ = [
     "velocity_figure",
 ]
 
-DPI = 200
+DPI = 300
 
 
 def draw_figures(analyses: Analyses, folder: Path) -> None:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from lammps_blast.analyze import Analyses, Check
 
 # Width of a figure in inches: one that spans a page of a journal, and one that spans a column.
+SMALLEST_ERROR = 1e-20  # relative; below it there is only rounding of rounding
 PAGE, COLUMN = 7.2, 4.5
 
 # Colours that colour-blind readers tell apart (Okabe and Ito); line styles differ as well.
@@ -174,6 +175,9 @@ def draw_magnitudes(
     if check:
         label = f"limit {check.limit:.0e}"
         axes.axhline(check.limit, color="black", linestyle=":", linewidth=0.9, label=label)
+    bottom, top = axes.get_ylim()
+    if bottom < SMALLEST_ERROR < top:
+        axes.set_ylim(SMALLEST_ERROR, top)
     if len(nothing) == len(curves):
         axes.set_yticks([], minor=False)
         axes.set_yticks([], minor=True)

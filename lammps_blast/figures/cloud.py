@@ -21,6 +21,7 @@ from lammps_blast.figures.scene import (
     Spheroid,
     draw_particles,
     draw_spheroid,
+    field_remarks,
     grid_of_places,
     open_panel,
 )
@@ -108,6 +109,7 @@ def _cloud_panels(
 def _cloud_remarks(
     analyses: Analyses, snapshots: Sequence[Snapshot], enlarged: float
 ) -> Iterator[str]:
+    yield from field_remarks(analyses)
     count = len(analyses.cloud.mass)
     if count > MAX_DRAWN:
         yield f"{MAX_DRAWN} of {count} particles drawn"

@@ -260,6 +260,14 @@ def frame_with_pole(pole: np.ndarray) -> np.ndarray:
     return np.stack([first, np.cross(pole, first), pole])
 
 
+def field_remarks(analyses: Analyses) -> Iterator[str]:
+    """Yield why no arrow of a field is drawn, where none is."""
+    if analyses.case is None:
+        yield "fields unknown"
+    elif not any((*analyses.case.fields.magnetic, *analyses.case.fields.electric)):
+        yield "no field"
+
+
 def _draw_fields(figure: Figure, place: Place, analyses: Analyses, camera: Camera) -> None:
     """Draw the directions of B and E, as the camera sees them, in the upper left corner."""
     left, bottom, _, height = place
@@ -272,8 +280,6 @@ def _draw_fields(figure: Figure, place: Place, analyses: Analyses, camera: Camer
         if any(strength)
     }
     if not tips:
-        text = "no field" if fields else "fields unknown"
-        write_at(figure, *corner, text, va="center", fontsize=7.5)
         return
     ends = np.array([np.zeros(2), *tips.values()])
     root = corner - [ends[:, 0].min(), ends[:, 1].max()]

@@ -15,7 +15,14 @@ from lammps_blast import theory
 from lammps_blast.analysis import SpheroidTheory
 from lammps_blast.figures.cloud import Snapshot, SpeedScale, has_both_charges
 from lammps_blast.figures.sampling import LEGIBLE_TURNS, Sampling
-from lammps_blast.figures.scene import Camera, Panel, Scene, frame_with_pole, open_panel
+from lammps_blast.figures.scene import (
+    Camera,
+    Panel,
+    Scene,
+    field_remarks,
+    frame_with_pole,
+    open_panel,
+)
 from lammps_blast.figures.style import (
     BLUE,
     GREEN,
@@ -61,7 +68,7 @@ def velocity_figure(analyses: Analyses) -> Figure:
     count = len(analyses.cloud.mass)
     share = [f"velocities of {ARROWS} of {count} particles"] if count > ARROWS else []
     write_head(figure, analyses)
-    write_foot(figure, [*share, "arrows to one scale within a panel"])
+    write_foot(figure, [*field_remarks(analyses), *share, "arrows to one scale within a panel"])
     return figure
 
 

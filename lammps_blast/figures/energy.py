@@ -32,8 +32,8 @@ SERIES: dict[str, dict[str, Any]] = {
     "kinetic": {"color": BLUE, "linestyle": "-", "marker": "o", "markersize": 2.4},
     "rotational": {"color": GREEN, "linestyle": "--", "marker": "^", "markersize": 2.4},
     # Larger and hollow, as it can be hidden behind the work that it comes from.
-    "kinetic energy gained": {
-        "color": BLUE, "linestyle": "-", "marker": "o", "markersize": 5.0,
+    "change of kinetic energy": {
+        "color": BLUE, "linestyle": "-", "marker": "o", "markersize": 4.0,
         "markerfacecolor": "white",
     },
     "work of E": {"color": ORANGE, "linestyle": "-.", "marker": "s", "markersize": 2.4},
@@ -56,7 +56,7 @@ def energy_figure(analyses: Analyses) -> Figure:
     panels[0].set_ylim(0.0, 1.15 * (largest_of(*series.values()) / unit.size or 1.0))
     if ledger:
         changes = {
-            "kinetic energy gained": ledger.kinetic + ledger.rotational - ledger.launch_energy,
+            "change of kinetic energy": ledger.kinetic + ledger.rotational - ledger.launch_energy,
             "work of E": ledger.electric_work,
             "lost to drag": ledger.drag_loss,
         }
@@ -102,11 +102,8 @@ def _draw_energies(
 def _draw_errors(
     axes: Axes, seconds: np.ndarray, ledger: EnergyLedger, check: Check | None
 ) -> None:
-    scale, name = ledger.launch_energy, "launch energy"
-    if not scale > 0.0:
-        scale, name = largest_of(ledger.kinetic + ledger.rotational), "largest energy"
-    if not scale > 0.0:
-        scale, name = 1.0, "1 J"
+    known = np.isfinite(ledger.turnover) and ledger.turnover > 0.0
+    scale, name = (ledger.turnover, "largest energy") if known else (1.0, "1 J")
     curves = {
         "missing from the ledger": (np.abs(ledger.residual) / scale, BLUE, "o"),
         "magnetic work": (np.abs(ledger.magnetic_work) / scale, ORANGE, "s"),

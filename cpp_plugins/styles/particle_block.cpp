@@ -110,28 +110,23 @@ BLAST_INLINE void move(const ParticleBlock block, const Vector3 wind, const Drag
   for (int j = 0; j < block.count; j++) {
     const double mass = block.mass[j], radius = block.radius[j];
     Vector3 position = block.position(j), velocity = block.velocity(j);
-
-    const double at_start = dot(velocity, velocity);
-    if (Drag::acts) {
+    const auto slow = [&]() {
+      if (!Drag::acts) return;
       const double speed = norm(velocity - wind);
       const Slowing slowing = slowing_of(radius, mass, speed);
       velocity = blast::slowed_a_little(velocity, wind, slowing.lost);
       high = std::max(high, radius * speed);
       low = std::min(low, radius * speed * slowing.kept);
       most_lost = slowing.lost > most_lost ? slowing.lost : most_lost;
-    }
+    };
+
+    const double at_start = dot(velocity, velocity);
+    slow();
     const double before_turn = dot(velocity, velocity);
     const Gyration &gyration = gyration_of(j);
     gyrate(gyration, axis, step, position, velocity);
     const double after_turn = dot(velocity, velocity);
-    if (Drag::acts) {
-      const double speed = norm(velocity - wind);
-      const Slowing slowing = slowing_of(radius, mass, speed);
-      velocity = blast::slowed_a_little(velocity, wind, slowing.lost);
-      high = std::max(high, radius * speed);
-      low = std::min(low, radius * speed * slowing.kept);
-      most_lost = slowing.lost > most_lost ? slowing.lost : most_lost;
-    }
+    slow();
     const double at_end = dot(velocity, velocity);
 
     moved.x[j] = position.x, moved.y[j] = position.y, moved.z[j] = position.z;

@@ -153,6 +153,11 @@ class Envelope(AnalysisBase):
         self._frame_axes = _frame_about(axis)
         self._expected = expected
 
+    @property
+    def axis(self) -> np.ndarray:
+        """Unit vector along B, shape (3,)."""
+        return self._frame_axes[2]
+
     def _prepare(self) -> None:
         cloud = Cloud.of(self._universe)
         launch = self._universe.trajectory[0].data["position"]

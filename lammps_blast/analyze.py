@@ -110,7 +110,7 @@ def analyze(
     case = load_case(folder / CASE) if (folder / CASE).is_file() else None
     universe = open_universe(dump, timestep=timestep)
     expected = expected_spheroid(case, universe) if case else "there is no case file"
-    direction = np.asarray(axis if axis is not None else _field_direction(case), dtype=float)
+    direction = axis if axis is not None else _field_direction(case)
     tracked = _spread_over(universe.atoms.n_atoms, TRACKED_PARTICLES)
 
     envelope = Envelope(
@@ -128,7 +128,7 @@ def analyze(
         universe=universe,
         cloud=Cloud.of(universe),
         case=case,
-        axis=direction / np.linalg.norm(direction),
+        axis=envelope.axis,
         axis_name="B" if axis is not None or (case and any(case.fields.magnetic)) else "x",
         envelope=envelope,
         speeds=speeds,

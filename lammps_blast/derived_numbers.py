@@ -19,7 +19,7 @@ from rich.table import Table
 from lammps_blast import theory
 from lammps_blast.case import Case, PackedParticles
 from lammps_blast.particles import Particles, create_particles
-from lammps_blast.spheroid import spheroid_theory
+from lammps_blast.spheroid import drag_law, spheroid_theory
 from lammps_blast.theory import DragLaw, Floats
 
 Value: TypeAlias = int | float | tuple[float, float] | None
@@ -173,7 +173,7 @@ def step_warnings(case: Case, particles: Particles) -> Iterator[str]:
     medium = case.medium
     pulse = _pulse_speed(case, float(particles.mass.sum())) or 0.0
     relative = pulse + np.linalg.norm(particles.velocity - medium.velocity, axis=1)
-    drag = DragLaw(medium.drag, medium.density, medium.viscosity, medium.drag_coefficient)
+    drag = drag_law(medium)
     with np.errstate(all="ignore"):
         slowing = theory.drag_resistance(relative, particles.radius, drag) / particles.mass
     shortest = 1.0 / slowing.max() if slowing.max() > 0.0 else np.inf
@@ -186,7 +186,7 @@ def step_warnings(case: Case, particles: Particles) -> Iterator[str]:
 
 def _launch(case: Case) -> _Launch:
     medium = case.medium
-    drag = DragLaw(medium.drag, medium.density, medium.viscosity, medium.drag_coefficient)
+    drag = drag_law(medium)
     packed = case.particles
     if isinstance(packed, PackedParticles) and packed.count > LARGEST_PACKED_COUNT:
         return _launch_of_many(case, packed, drag)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lammps_blast import theory
-from lammps_blast.case import Case
+from lammps_blast.case import Case, Medium
 from lammps_blast.theory import ArrayLike, Complexes, DragLaw, Floats
 
 # Quantities that the theorem wants equal are taken so up to the rounding of a dump.
@@ -80,6 +80,11 @@ class SpheroidTheory:
         )
 
 
+def drag_law(medium: Medium) -> DragLaw:
+    """Return the drag law of a case's medium, as the closed forms want it."""
+    return DragLaw(medium.drag, medium.density, medium.viscosity, medium.drag_coefficient)
+
+
 def spheroid_theory(
     case: Case,
     *,
@@ -126,7 +131,7 @@ def spheroid_theory(
         ),
         radius=float(radius.flat[0]),
         mass=float(mass.flat[0]),
-        drag=DragLaw(medium.drag, medium.density, medium.viscosity, medium.drag_coefficient),
+        drag=drag_law(medium),
     )
 
 

@@ -95,6 +95,12 @@ struct Slowing {
   double kept = 1.0, lost = 0.0;
 };
 
+// One slowing after another.
+inline Slowing then(const Slowing &first, const Slowing &second)
+{
+  return {first.kept * second.kept, first.lost + first.kept * second.lost};
+}
+
 // Slowing under du/dt = -rate u^power, power >= 1, exact.
 inline Slowing slowing(double speed, double rate, double power, double time)
 {
@@ -118,24 +124,19 @@ inline double time_to_slow(double speed, double lower, double rate, double power
 // known in closed form.
 inline Slowing chow_slowing(double reynolds, double rate, double time)
 {
-  const double start = reynolds;
+  Slowing total;
   for (int i = chow_branch(reynolds); i > 0; --i) {
     const ChowBranch &branch = chow_branches[i];
     const double branch_rate = rate * branch.coefficient, power = 2.0 + branch.exponent;
     const Slowing here = slowing(reynolds, branch_rate, power, time);
-    if (reynolds * here.kept > branch.reynolds_above || reynolds == 0.0) {
-      if (reynolds == start) return here;
-      const double before = reynolds / start;
-      return {before * here.kept, 1.0 - before + before * here.lost};
-    }
-    time -= time_to_slow(reynolds, branch.reynolds_above, branch_rate, power);
-    reynolds = branch.reynolds_above;
-    if (time <= 0.0) return {reynolds / start, (start - reynolds) / start};
+    if (reynolds * here.kept > branch.reynolds_above) return then(total, here);
+    const double end = branch.reynolds_above;
+    total = then(total, {end / reynolds, (reynolds - end) / reynolds});
+    time -= time_to_slow(reynolds, end, branch_rate, power);
+    if (time <= 0.0) return total;
+    reynolds = end;
   }
-  const Slowing here = slowing(reynolds, rate * chow_branches[0].coefficient, 1.0, time);
-  if (reynolds == start) return here;
-  const double before = reynolds / start;
-  return {before * here.kept, 1.0 - before + before * here.lost};
+  return then(total, slowing(reynolds, rate * chow_branches[0].coefficient, 1.0, time));
 }
 
 // Slowing under eq. 3.6 with C_D constant, eq. 4.10: kept = 1 / (1 + K u time)

@@ -1,9 +1,15 @@
 // Registers every style of this folder with the LAMMPS that loads the plugin.
 
 #include "blast_pulse.h"
+#include "compute_blast_contact_local.h"
 #include "compute_lorentz_drag_atom.h"
+#include "fix_blast_bonds.h"
+#include "fix_blast_losses.h"
+#include "fix_blast_watch.h"
 #include "fix_lorentz_drag.h"
 #include "fix_nve_sphere_lorentz.h"
+#include "pair_blast_contact.h"
+#include "pair_blast_near_field.h"
 
 #include "lammps.h"
 #include "library.h"
@@ -18,13 +24,13 @@ namespace {
 // The C interface of LAMMPS plugins, as its manual states it; the header that declares it is not
 // installed with LAMMPS.
 extern "C" {
-using CommandFactory = void *(*)(void *);
+using LammpsFactory = void *(*)(void *);
 using StyleFactory = void *(*)(void *, int, char **);
 
 struct PluginEntry {
   const char *version, *style, *name, *info, *author;
   union {
-    CommandFactory from_lammps;
+    LammpsFactory from_lammps;
     StyleFactory from_arguments;
   } creator;
   void *handle;
@@ -33,7 +39,7 @@ struct PluginEntry {
 using RegisterFunction = void (*)(PluginEntry *, void *);
 }
 
-template <class Style> void *create_command(void *lmp)
+template <class Style> void *create_from_lammps(void *lmp)
 {
   return new Style(static_cast<LAMMPS *>(lmp));
 }
@@ -76,8 +82,14 @@ extern "C" __attribute__((visibility("default"))) void lammpsplugin_init(void *l
     register_style(&entry, lmp);
   };
 
-  entry.creator.from_lammps = &create_command<LAMMPS_NS::BlastPulse>;
+  entry.creator.from_lammps = &create_from_lammps<LAMMPS_NS::BlastPulse>;
   add("command", "blast_pulse", "lammps-blast: radial pulse of a stated energy");
+
+  entry.creator.from_lammps = &create_from_lammps<LAMMPS_NS::PairBlastContact>;
+  add("pair", "blast/contact", "lammps-blast: contact, friction and bonds of spheres");
+
+  entry.creator.from_lammps = &create_from_lammps<LAMMPS_NS::PairBlastNearField>;
+  add("pair", "blast/nearfield", "lammps-blast: attraction and repulsion by powers of distance");
 
   entry.creator.from_arguments = &create_style<LAMMPS_NS::FixLorentzDrag>;
   add("fix", "lorentz/drag", "lammps-blast: magnetic force and drag");
@@ -87,4 +99,16 @@ extern "C" __attribute__((visibility("default"))) void lammpsplugin_init(void *l
 
   entry.creator.from_arguments = &create_style<LAMMPS_NS::ComputeLorentzDragAtom>;
   add("compute", "lorentz/drag/atom", "lammps-blast: magnetic force and drag on each sphere");
+
+  entry.creator.from_arguments = &create_style<LAMMPS_NS::FixBlastBonds>;
+  add("fix", "BLAST/BONDS", "lammps-blast: memory of pair style blast/contact");
+
+  entry.creator.from_arguments = &create_style<LAMMPS_NS::FixBlastLosses>;
+  add("fix", "blast/losses", "lammps-blast: energy lost in contacts, by channel");
+
+  entry.creator.from_arguments = &create_style<LAMMPS_NS::FixBlastWatch>;
+  add("fix", "blast/watch", "lammps-blast: stops a run that has become unstable");
+
+  entry.creator.from_arguments = &create_style<LAMMPS_NS::ComputeBlastContactLocal>;
+  add("compute", "blast/contact/local", "lammps-blast: a row for each contact");
 }

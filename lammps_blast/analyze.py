@@ -34,6 +34,14 @@ from lammps_blast.analysis import (
     launch_speed,
 )
 from lammps_blast.case import Case, CaseError, load_case
+from lammps_blast.clumps import CLUMP_NUMBERS, Clumps, PairDistances
+from lammps_blast.contacts import (
+    CONTACT_DUMP,
+    CONTACT_NUMBERS,
+    ContactFrames,
+    Contacts,
+    close_pairs,
+)
 from lammps_blast.deck import CASE, ENERGY_TABLE
 from lammps_blast.engine import LOG
 from lammps_blast.spheroid import SpheroidTheory
@@ -42,10 +50,22 @@ from lammps_blast.trajectory import TrajectoryError, find_trajectory, open_unive
 SUMMARY = "summary.json"
 ENVELOPE_TABLE = "envelope.csv"
 SPEED_TABLE = "speeds.csv"
+CLUMP_TABLE = "clumps.csv"
 FIGURE_FOLDER = "figures"
-FIGURES = ("cloud", "cloud_charges", "velocities", "semi_axes", "energy")
+FIGURES = (
+    "cloud",
+    "cloud_charges",
+    "velocities",
+    "semi_axes",
+    "energy",
+    "clumps",
+    "clump_statistics",
+    "contacts",
+    "pair_distances",
+)
 
 TRACKED_PARTICLES = 6
+DISTANCE_FRAMES = 3
 
 # What a run must keep to, as parts of the energy turned over or of the envelope's size.
 LEDGER_LIMIT = 1e-6
@@ -84,6 +104,9 @@ class Analyses:
     wall_seconds: float | None
     axis_name: str
     checks: dict[str, Check] = field(default_factory=dict)
+    clumps: Clumps | None = None
+    contacts: Contacts | None = None
+    distances: PairDistances | None = None
 
 
 def analyze(
@@ -119,7 +142,13 @@ def analyze(
     speeds = energy = None
     if "velocity" in universe.trajectory[0].data:
         speeds, energy = Speeds(universe, tracked), KineticEnergy(universe)
-    Together(*filter(None, (envelope, speeds, energy))).run()
+    clumps = contacts = distances = None
+    if _particles_meet(universe, case):
+        clumps, distances = Clumps(universe, axis=envelope.axis), PairDistances(universe)
+        contacts = Contacts(universe, _recorded_contacts(folder))
+    Together(*filter(None, (envelope, speeds, energy, clumps, contacts))).run()
+    if distances:
+        distances.run(frames=_spread_over(len(universe.trajectory), DISTANCE_FRAMES))
 
     table = folder / ENERGY_TABLE
     ledger = EnergyLedger.read(table) if table.is_file() else None
@@ -138,7 +167,29 @@ def analyze(
         tracked=tracked,
         wall_seconds=wall_seconds_of(folder / LOG),
         checks=_checks(envelope, ledger, expected, case),
+        clumps=clumps,
+        contacts=contacts,
+        distances=distances,
     )
+
+
+def _particles_meet(universe: Universe, case: Case | None) -> bool:
+    """Tell whether particles interact or, without a case, whether any two touch in the end."""
+    if case and not case.interacts:
+        return False
+    last = universe.trajectory[-1].data
+    if "radius" not in last:
+        return False
+    return case is not None or len(close_pairs(last["position"], last["radius"])[0]) > 0
+
+
+def _recorded_contacts(folder: Path) -> ContactFrames | None:
+    """Return the contacts that a run wrote; None if it wrote none."""
+    dump = folder / CONTACT_DUMP
+    if not dump.is_file():
+        return None
+    recorded = ContactFrames(dump)
+    return recorded if len(recorded) else None
 
 
 def _field_direction(case: Case | None) -> tuple[float, float, float]:
@@ -194,6 +245,8 @@ def write_results(analyses: Analyses, folder: Path, *, figures: bool = True) -> 
     _write_table(folder / ENVELOPE_TABLE, _envelope_columns(analyses))
     if analyses.speeds:
         _write_table(folder / SPEED_TABLE, _speed_columns(analyses.speeds))
+    if analyses.clumps:
+        _write_table(folder / CLUMP_TABLE, _clump_columns(analyses))
     if figures:
         from lammps_blast.figures import draw_figures  # matplotlib is slow to import
 
@@ -224,6 +277,10 @@ def summarize(analyses: Analyses) -> dict[str, Any]:
             for name, check in analyses.checks.items()
         },
     }
+    if analyses.clumps:
+        summary["clumps"] = _clump_summary(analyses.clumps)
+    if analyses.contacts:
+        summary["contacts"] = _contact_summary(analyses.contacts)
     return _without_nan(summary)
 
 
@@ -275,6 +332,61 @@ def _envelope_summary(analyses: Analyses) -> dict[str, Any]:
         summary["theory"] = None
         summary["no_theory_because"] = expected
     return summary
+
+
+def _clump_summary(clumps: Clumps) -> dict[str, Any]:
+    results, shapes = clumps.results, clumps.results.shapes
+    sizes, counts = np.unique(results.sizes, return_counts=True)
+    return {
+        "gap": clumps.gap,
+        "pieces_first": int(results.pieces[0]),
+        "pieces_last": int(results.pieces[-1]),
+        "clumps": int(results.clumps[-1]),
+        "largest": float(results.largest[-1]),
+        "largest_fraction": float(results.largest_fraction[-1]),
+        "mean_size": float(results.mean_size[-1]),
+        "mass_mean_size": float(results.mass_mean_size[-1]),
+        "sizes": {str(size): int(count) for size, count in zip(sizes, counts, strict=True)},
+        "shape": {
+            "clumps": len(shapes),
+            "along_over_across": shapes.alignment,
+            "radius_of_gyration": _median(shapes.radius_of_gyration),
+            "asphericity": _median(shapes.asphericity),
+        },
+    }
+
+
+def _contact_summary(contacts: Contacts) -> dict[str, Any]:
+    results = contacts.results
+    summary = {
+        "source": "recorded" if contacts.recorded else "positions and radii",
+        "first": float(results.contacts[0]),
+        "last": float(results.contacts[-1]),
+        "most": _largest_known(results.contacts),
+        "coordination": float(results.coordination[-1]),
+        "largest_strain": _largest_known(results.largest_strain),
+    }
+    if results.mean_normal_force is not None:
+        summary["largest_normal_force"] = _largest_known(results.largest_normal_force)
+    if results.bonded_fraction is not None:
+        summary["bonded_fraction"] = float(results.bonded_fraction[-1])
+    return summary
+
+
+def _median(values: np.ndarray) -> float:
+    return float(np.median(values)) if len(values) else math.nan
+
+
+def _largest_known(values: np.ndarray) -> float:
+    return float(np.max(values, initial=-math.inf, where=np.isfinite(values)))
+
+
+def _clump_columns(analyses: Analyses) -> dict[str, np.ndarray]:
+    results, contacts = analyses.clumps.results, analyses.contacts.results
+    columns = {"time": results.times} | {name: results[name] for name in CLUMP_NUMBERS}
+    return columns | {
+        name: contacts[name] for name in CONTACT_NUMBERS if contacts[name] is not None
+    }
 
 
 def _envelope_columns(analyses: Analyses) -> dict[str, np.ndarray]:
@@ -345,6 +457,7 @@ def report(summary: Mapping[str, Any]) -> str:
         )
     else:
         lines.append(f"  no exact spheroid to compare with: {envelope['no_theory_because']}")
+    lines += _clump_report(summary)
     for name, check in summary["checks"].items():
         verdict = "ok" if check["passed"] else f"FAILED, limit {check['limit']:g}"
         value = "not a number" if check["value"] is None else f"{check['value']:.2e}"
@@ -354,6 +467,25 @@ def report(summary: Mapping[str, Any]) -> str:
     if not all(check["passed"] for check in summary["checks"].values()):
         lines.append("  a check that fails by little asks for a smaller time.step")
     return "\n".join(lines)
+
+
+def _clump_report(summary: Mapping[str, Any]) -> list[str]:
+    if "clumps" not in summary:
+        return []
+    clumps, contacts = summary["clumps"], summary["contacts"]
+    pieces = (
+        f"  {clumps['pieces_first']} pieces -> {clumps['pieces_last']},"
+        f" {clumps['clumps']} of them clumps of two or more"
+    )
+    if clumps["largest"] is not None:
+        pieces += f"; the largest holds {clumps['largest']:.0f} particles"
+    if contacts["first"] is None or contacts["last"] is None:
+        return [pieces]
+    touching = (
+        f"  {contacts['first']:.0f} contacts -> {contacts['last']:.0f},"
+        f" at most {contacts['most']:.0f}; largest strain {contacts['largest_strain']:.3g}"
+    )
+    return [pieces, touching]
 
 
 def _pair(envelope: Mapping[str, Any], name: str) -> str:

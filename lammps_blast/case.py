@@ -26,6 +26,8 @@ from pydantic import (
     Tag,
     ValidationError,
     ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
     field_validator,
     model_validator,
 )
@@ -42,7 +44,7 @@ WHOLE_STEPS_TOLERANCE = 1e-6
 SMALLEST_SIZE, LARGEST_SIZE = 1e-100, 1e100
 
 _NOT_YET = "not supported yet by this version of lammps-blast"
-_NOT_YET_KEYS = {("contact",), ("bond",), ("near_field",), ("time", "implicit")}
+_NOT_YET_KEYS = {("time", "implicit")}
 
 
 class CaseError(ValueError):
@@ -83,13 +85,17 @@ def shown_path(path: Path) -> str:
     return text if text.isprintable() else repr(text)
 
 
+# The path of a key, from the section that a validator sits at, and what is wrong there.
+_Problem = tuple[tuple[str, ...], str]
+
+
 class _InconsistentError(ValueError):
-    """Problems of values that are fine one by one, as pairs of a key path and a text.
+    """Problems of values that are fine one by one.
 
     The key paths start below the place where the validator that raises this sits.
     """
 
-    def __init__(self, *problems: tuple[tuple[str, ...], str]) -> None:
+    def __init__(self, *problems: _Problem) -> None:
         super().__init__("; ".join(text for _, text in problems))
         self.problems = problems
 
@@ -118,6 +124,11 @@ def _without_control_characters(value: str) -> str:
     return value
 
 
+def _is_absent(key: str, info: ValidationInfo) -> bool:
+    """Tell whether a key was left out; a key of an invalid value was not."""
+    return key in info.data and info.data[key] is None
+
+
 Quantity = Annotated[float, AfterValidator(_of_sane_size)]
 Positive = Annotated[Quantity, Field(gt=0)]
 NonNegative = Annotated[Quantity, Field(ge=0)]
@@ -132,18 +143,14 @@ class _Section(BaseModel):
 
 
 class Packing(_Section):
-    """How equal spheres are placed inside a spherical domain of radius `domain_radius` (m)."""
+    """How equal spheres are placed inside a spherical domain of radius `domain_radius` (m).
+
+    With `relax` they may overlap at first, and the deck pushes them apart before the pulse.
+    """
 
     method: Literal["rsa"] = "rsa"
     domain_radius: Positive = Field(description="a length in m")
     relax: bool = False
-
-    @field_validator("relax")
-    @classmethod
-    def _relaxation_comes_later(cls, relax: bool) -> bool:
-        if relax:
-            raise ValueError(_NOT_YET)
-        return relax
 
 
 class PackedParticles(_Section):
@@ -159,6 +166,11 @@ class PackedParticles(_Section):
     charge_per_mass: Quantity = Field(description="a number in C/kg")
     positive_fraction: float = Field(ge=0, le=1, default=1.0)
     packing: Packing = Field(description="a section with at least `domain_radius`")
+
+    @property
+    def positive_count(self) -> int:
+        """Number of particles that carry `charge_per_mass`; the rest carries its opposite."""
+        return round(self.positive_fraction * self.count)
 
     @field_validator("packing")
     @classmethod
@@ -236,6 +248,246 @@ class Medium(_Section):
         return value
 
 
+class Friction(_Section):
+    """Coulomb friction at a contact (eq. 7.11 to 7.15), with coefficients `static` and `dynamic`.
+
+    `stiffness` is in N/m3 with `law: zohdi` and in N/m with `law: hooke`; the other contact laws
+    take it from the material.
+    """
+
+    stiffness: Positive | None = None
+    static: NonNegative = Field(description="a coefficient of friction")
+    dynamic: NonNegative = Field(description="a coefficient of friction, at most `static`")
+
+    @field_validator("dynamic")
+    @classmethod
+    def _at_most_the_static(cls, dynamic: float, info: ValidationInfo) -> float:
+        static = info.data.get("static")
+        if static is not None and dynamic > static:
+            raise ValueError(f"must be at most the static coefficient {static!r}")
+        return dynamic
+
+
+class Thermal(_Section):
+    """Softening of the contact stiffness with temperature (eq. 7.18 to 7.20).
+
+    `temperature` and `reference` in K, `floor`, the least stiffness, in N/m2.
+    """
+
+    temperature: Positive = Field(description="a temperature in K")
+    reference: Positive = Field(description="a temperature in K")
+    sensitivity: NonNegative = Field(description="a number")
+    floor: Positive = Field(description="a stiffness in N/m2")
+
+
+_STOCK_LAWS = ("hooke", "hertz", "jkr", "dmt")
+_MATERIAL_LAWS = ("hertz", "jkr", "dmt")
+# The keys of `contact` that go with some laws only; all but `thermal` are required there.
+_LAWS_OF_KEY = {
+    "stiffness": ("zohdi", "hooke"),
+    "exponent": ("zohdi",),
+    "thermal": ("zohdi",),
+    "youngs_modulus": _MATERIAL_LAWS,
+    "poisson_ratio": _MATERIAL_LAWS,
+    "surface_energy": ("jkr", "dmt"),
+}
+
+
+class Contact(_Section):
+    """The forces between particles that touch (section 7).
+
+    `law: zohdi` is that of the paper: `stiffness` (K in eq. 7.5) in N/m2, `damping` (c in eq. 7.10)
+    in N s/m3. The other laws are those of LAMMPS's `pair_style granular`, with `damping` in N s/m:
+    `hooke` has a `stiffness` in N/m, the others have `youngs_modulus` in Pa and `poisson_ratio`,
+    `jkr` and `dmt` also `surface_energy` in J/m2. What does not go with the law is None.
+    """
+
+    law: Literal["zohdi", "hooke", "hertz", "jkr", "dmt"] = "zohdi"
+    stiffness: Positive | None = Field(
+        default=None,
+        validate_default=True,
+        description="a stiffness greater than 0, in N/m2 (`zohdi`) or N/m (`hooke`),",
+    )
+    exponent: NonNegative | None = Field(
+        default=None, validate_default=True, description="an exponent of at least 0"
+    )
+    damping: NonNegative = 0.0
+    friction: Friction | None = None
+    thermal: Thermal | None = None
+    rotation: bool = Field(default=False, validate_default=True)
+    youngs_modulus: Positive | None = Field(
+        default=None, validate_default=True, description="a modulus greater than 0 in Pa"
+    )
+    poisson_ratio: Annotated[Quantity, Field(gt=-1, le=0.5)] | None = Field(
+        default=None, validate_default=True, description="a number above -1 and at most 0.5"
+    )
+    surface_energy: Positive | None = Field(
+        default=None, validate_default=True, description="an energy greater than 0 in J/m2"
+    )
+
+    @property
+    def is_stock(self) -> bool:
+        """Whether LAMMPS's own `pair_style granular` computes the forces."""
+        return self.law in _STOCK_LAWS
+
+    @field_validator(*_LAWS_OF_KEY)
+    @classmethod
+    def _goes_with_the_law(cls, value: Any, info: ValidationInfo) -> Any:
+        law, key = info.data.get("law"), str(info.field_name)
+        if law is None:
+            return value
+        if law not in _LAWS_OF_KEY[key] and value is not None:
+            raise ValueError(_goes_with_others(law, _LAWS_OF_KEY[key]))
+        if law in _LAWS_OF_KEY[key] and value is None and key != "thermal":
+            raise ValueError(f"must be {cls.model_fields[key].description} with `law: {law}`")
+        return value
+
+    @field_validator("friction")
+    @classmethod
+    def _friction_of_the_law(
+        cls, friction: Friction | None, info: ValidationInfo
+    ) -> Friction | None:
+        law = info.data.get("law")
+        problems = list(_friction_problems(friction, law)) if friction and law else []
+        if problems:
+            raise _InconsistentError(*problems)
+        return friction
+
+    @field_validator("rotation")
+    @classmethod
+    def _stock_friction_turns_particles(cls, rotation: bool, info: ValidationInfo) -> bool:
+        law = info.data.get("law")
+        if law in _STOCK_LAWS and info.data.get("friction") and not rotation:
+            raise ValueError(
+                f"must be true with `friction` and `law: {law}`, whose friction turns particles"
+            )
+        return rotation
+
+
+def _friction_problems(friction: Friction, law: str) -> Iterator[_Problem]:
+    """Yield what of a friction does not go with a contact law."""
+    stiffness, got = friction.stiffness, f"got {shown(friction.stiffness)}"
+    if law in _MATERIAL_LAWS and stiffness is not None:
+        yield ("stiffness",), f"{_goes_with_others(law, _LAWS_OF_KEY['stiffness'])}, {got}"
+    if law not in _MATERIAL_LAWS and stiffness is None:
+        yield ("stiffness",), f"must be a stiffness greater than 0 with `law: {law}`, {got}"
+    if law in _STOCK_LAWS and friction.dynamic != friction.static:
+        text = f"must equal the static coefficient {friction.static!r} with `law: {law}`, which"
+        yield ("dynamic",), f"{text} has one coefficient, got {friction.dynamic!r}"
+
+
+def _goes_with_others(law: str, laws: tuple[str, ...]) -> str:
+    return f"goes with {' or '.join(f'`law: {name}`' for name in laws)} only, not with `law: {law}`"
+
+
+class Bond(_Section):
+    """Bonds between particles in contact (eq. 7.16 and 7.17).
+
+    `stiffness` in N/m2, `tangential_stiffness` in N/m3. A bond is active once the strain of the
+    contact reaches `activation_strain`: until the two part (`memory: contact`), or while the strain
+    is that large (`memory: none`).
+    """
+
+    stiffness: NonNegative = Field(description="a stiffness in N/m2")
+    exponent: NonNegative = Field(description="an exponent of at least 0")
+    tangential_stiffness: NonNegative = 0.0
+    activation_strain: float = Field(
+        gt=0,
+        lt=1,
+        description="a strain between 0 and 1: the paper gives no value for it, so a case must",
+    )
+    memory: Literal["contact", "none"] = "contact"
+
+
+class PowerLaw(_Section):
+    """One term of the near field, strength × distance^-exponent (eq. 7.23)."""
+
+    strength: NonNegative = Field(description="a number of at least 0")
+    exponent: NonNegative = Field(description="an exponent of at least 0")
+
+    def outgrows(self, other: PowerLaw | None) -> bool:
+        """Tell whether this term less the other is unbounded as the distance goes to zero."""
+        if self.strength == 0 or self.exponent == 0:
+            return False
+        if other is None or other.strength == 0:
+            return True
+        return (self.exponent, self.strength) > (other.exponent, other.strength)
+
+
+def _length_or_all(value: object, check: ValidatorFunctionWrapHandler) -> float | str:
+    try:
+        return check(value)
+    except ValidationError:
+        raise ValueError("must be a length greater than 0 in m, or the word `all`") from None
+
+
+class NearField(_Section):
+    """Attraction and repulsion between particles at a distance (eq. 7.23).
+
+    `scaling` says what of the two particles multiplies the strengths. Pairs farther apart than
+    `cutoff` (m) feel nothing; with `all` every pair counts. Over the last `switch_width` (m) before
+    the cutoff the force goes smoothly to zero.
+    """
+
+    scaling: Literal["mass", "area", "volume", "charge"] = Field(
+        description="'mass', 'area', 'volume' or 'charge'"
+    )
+    attraction: PowerLaw | None = None
+    repulsion: PowerLaw | None = Field(default=None, validate_default=True)
+    cutoff: Annotated[Positive | Literal["all"], WrapValidator(_length_or_all)] = Field(
+        description="a length in m, or the word `all`"
+    )
+    switch_width: Positive | None = None
+
+    @field_validator("repulsion")
+    @classmethod
+    def _one_of_the_two(cls, repulsion: PowerLaw | None, info: ValidationInfo) -> PowerLaw | None:
+        if repulsion is None and _is_absent("attraction", info):
+            raise ValueError(
+                "must be a section of `strength` and `exponent` where there is no `attraction`"
+            )
+        return repulsion
+
+    @field_validator("switch_width")
+    @classmethod
+    def _within_the_cutoff(cls, width: float | None, info: ValidationInfo) -> float | None:
+        cutoff = info.data.get("cutoff")
+        if width is None or cutoff is None:
+            return width
+        if cutoff == "all":
+            raise ValueError("goes with a `cutoff` in m only, not with `cutoff: all`")
+        if width >= cutoff:
+            raise ValueError(f"must be less than the cutoff {cutoff!r}")
+        return width
+
+    def divergence(self, positive: int, negative: int) -> _Problem | None:
+        """Return a problem if some pair attracts without bound as it meets, None if none does.
+
+        Attraction and repulsion change roles between particles of unlike sign.
+
+        Parameters
+        ----------
+        positive, negative
+            Numbers of particles of either sign.
+
+        Returns
+        -------
+        tuple of tuple of str and str, or None
+            The key below `near_field`, and what is wrong with it.
+        """
+        like, unlike = max(positive, negative) > 1, min(positive, negative) > 0
+        ending = "without bound when they meet, and nothing holds them apart; add `contact`"
+        if like and self.attraction and self.attraction.outgrows(self.repulsion):
+            text = f"diverges: particles attract each other {ending}"
+            remedy = "" if unlike else ", or a repulsion with a higher exponent"
+            return ("attraction", "exponent"), f"{text}{remedy}, got {self.attraction.exponent!r}"
+        if unlike and self.repulsion and self.repulsion.outgrows(self.attraction):
+            text = f"diverges: it attracts particles of unlike sign {ending}"
+            remedy = "" if like else ", or an attraction with a higher exponent"
+            return ("repulsion", "exponent"), f"{text}{remedy}, got {self.repulsion.exponent!r}"
+        return None
+
+
 class Time(_Section):
     """Simulated time `duration` (s), time step `step` (s) and the scheme that takes the steps."""
 
@@ -272,12 +524,15 @@ class Time(_Section):
 class Output(_Section):
     """What is written and how often.
 
-    `interval` (s) between frames and `restart_interval` (s) between restart files may be left out
-    of the file; in a loaded case both are resolved to numbers, whole multiples of the time step.
+    `forces` adds forces and torques to the trajectory, `contacts` a file with a row for every
+    contact. `interval` (s) between frames and `restart_interval` (s) between restart files may be
+    left out of the file; in a loaded case both are resolved to numbers, whole multiples of the time
+    step.
     """
 
     interval: Positive | None = None
     forces: bool = False
+    contacts: bool = False
     format: Literal["text", "binary"] = "text"
     restart_interval: Positive | None = None
 
@@ -299,7 +554,8 @@ class Case(_Section):
     """One simulation, completely described.
 
     Made by :func:`load_case` or :func:`parse_case`. `fields`, `medium` and `output` have defaults;
-    without `blast` there is no pulse.
+    without `blast` there is no pulse, without `contact`, `bond` and `near_field` particles do not
+    feel each other.
     """
 
     name: str = Field(
@@ -311,6 +567,9 @@ class Case(_Section):
     blast: Blast | None = None
     fields: Fields = Fields()
     medium: Medium = Medium()
+    contact: Contact | None = None
+    bond: Bond | None = None
+    near_field: NearField | None = None
     time: Time = Field(description="a section with at least `duration` and `step`")
     output: Output = Field(default=Output(), validate_default=True)
 
@@ -329,6 +588,11 @@ class Case(_Section):
         return self._folder
 
     @property
+    def interacts(self) -> bool:
+        """Whether particles feel each other, by touch or at a distance."""
+        return self.contact is not None or self.near_field is not None
+
+    @property
     def output_every(self) -> int:
         """Number of steps from one frame to the next."""
         assert self.output.interval is not None  # resolved when `output` was checked
@@ -340,27 +604,68 @@ class Case(_Section):
         assert self.output.restart_interval is not None  # resolved when `output` was checked
         return round(self.output.restart_interval / self.time.step)
 
+    @field_validator("bond")
+    @classmethod
+    def _bonds_need_contact(cls, bond: Bond | None, info: ValidationInfo) -> Bond | None:
+        if bond and _lacks_law_zohdi(info):
+            raise ValueError("needs `contact` with `law: zohdi`")
+        return bond
+
+    @field_validator("near_field")
+    @classmethod
+    def _near_field_of_packed_particles(
+        cls, near_field: NearField | None, info: ValidationInfo
+    ) -> NearField | None:
+        # Of particles from a file, signs and charges are known when they have been read.
+        packed = info.data.get("particles")
+        if near_field is None or not isinstance(packed, PackedParticles):
+            return near_field
+        if near_field.scaling == "charge" and packed.charge_per_mass == 0:
+            text = "'charge' needs charged particles, and particles.charge_per_mass is 0"
+            raise _InconsistentError((("scaling",), text))
+        if _is_absent("contact", info):
+            positive = packed.positive_count if near_field.scaling == "charge" else packed.count
+            problem = near_field.divergence(positive, packed.count - positive)
+            if problem:
+                raise _InconsistentError(problem)
+        return near_field
+
     @field_validator("output")
     @classmethod
-    def _in_whole_steps(cls, output: Output, info: ValidationInfo) -> Output:
+    def _output_of_the_case(cls, output: Output, info: ValidationInfo) -> Output:
+        problems: list[_Problem] = []
+        if output.contacts and _lacks_law_zohdi(info):
+            problems.append((("contacts",), "needs `contact` with `law: zohdi`, got true"))
         time = info.data.get("time")
-        if time is None:
-            return output
-        intervals = {
-            "interval": output.interval or _part_of(time, 100),
-            "restart_interval": output.restart_interval or _part_of(time, 10),
-        }
-        problems = [
-            ((key,), f"must be a whole number of steps of {time.step!r}, got {interval!r}")
-            for key, interval in intervals.items()
-            if _whole_steps(interval, time.step) is None
-        ]
-        if intervals["interval"] > time.duration * (1 + WHOLE_STEPS_TOLERANCE):
-            text = f"must be at most the duration {time.duration!r}, got {output.interval!r}"
-            problems.append((("interval",), text))
+        if time is not None:
+            output, interval_problems = _with_intervals(output, time)
+            problems += interval_problems
         if problems:
             raise _InconsistentError(*problems)
-        return output.model_copy(update=intervals)
+        return output
+
+
+def _lacks_law_zohdi(info: ValidationInfo) -> bool:
+    """Tell whether a case has no contact of `law: zohdi`; an invalid one may be meant as such."""
+    contact = info.data.get("contact")
+    return _is_absent("contact", info) or (contact is not None and contact.is_stock)
+
+
+def _with_intervals(output: Output, time: Time) -> tuple[Output, list[_Problem]]:
+    """Return `output` with its intervals resolved to numbers, and what is wrong with them."""
+    intervals = {
+        "interval": output.interval or _part_of(time, 100),
+        "restart_interval": output.restart_interval or _part_of(time, 10),
+    }
+    problems: list[_Problem] = [
+        ((key,), f"must be a whole number of steps of {time.step!r}, got {interval!r}")
+        for key, interval in intervals.items()
+        if _whole_steps(interval, time.step) is None
+    ]
+    if intervals["interval"] > time.duration * (1 + WHOLE_STEPS_TOLERANCE):
+        text = f"must be at most the duration {time.duration!r}, got {output.interval!r}"
+        problems.append((("interval",), text))
+    return output.model_copy(update=intervals), problems
 
 
 def _whole_steps(length: float, step: float) -> int | None:
@@ -548,6 +853,13 @@ _SECTIONS: dict[tuple[int | str, ...], type[_Section]] = {
     ("blast",): Blast,
     ("fields",): Fields,
     ("medium",): Medium,
+    ("contact",): Contact,
+    ("contact", "friction"): Friction,
+    ("contact", "thermal"): Thermal,
+    ("bond",): Bond,
+    ("near_field",): NearField,
+    ("near_field", "attraction"): PowerLaw,
+    ("near_field", "repulsion"): PowerLaw,
     ("time",): Time,
     ("output",): Output,
 }

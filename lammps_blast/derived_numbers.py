@@ -16,20 +16,32 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from lammps_blast import theory
+from lammps_blast import interactions, theory
 from lammps_blast.case import Case, PackedParticles
-from lammps_blast.particles import Particles, create_particles
+from lammps_blast.pairs import (
+    PairKinds,
+    equilibrium_overlaps,
+    near_field_law,
+    near_field_sources,
+    pair_kinds,
+    softened_stiffness,
+)
+from lammps_blast.particles import create_particles
 from lammps_blast.spheroid import drag_law, spheroid_theory
+from lammps_blast.step_advice import (
+    STEPS_PER_GYRATION,
+    TimeScale,
+    advised_step,
+    contact_scales,
+    expected_strain,
+    launch_speed,
+)
 from lammps_blast.theory import DragLaw, Floats
 
 Value: TypeAlias = int | float | tuple[float, float] | None
 
 # Above this, packing a cloud only to learn its outermost centre takes noticeable time.
 LARGEST_PACKED_COUNT = 20_000
-# The paper has 628 steps a gyration; with fewer than this, velocity-Verlet is off in the picture.
-FEWEST_STEPS_PER_GYRATION = 20
-# Drag and drift are split in a step; at this part of the time of slowing paths are off by 1e-3.
-LARGEST_PART_OF_SLOWING = 0.1
 BEYOND_RANGE = "infinite, or beyond the range of floating-point numbers"
 # Quantities of one input value differ from each other by rounding.
 SAME = 1e-12
@@ -133,6 +145,9 @@ def derive_numbers(case: Case) -> DerivedNumbers:
             _force_rows(launch),
             _spheroid_rows(launch),
             _terminal_rows(launch),
+            _contact_rows(launch),
+            _near_field_rows(launch),
+            _step_rows(launch),
         )
         return DerivedNumbers(case.name, tuple(row for group in groups for row in group))
 
@@ -154,6 +169,9 @@ class _Launch:
     at_rest_before: bool
     launch_radius: float  # m, of the centres
     launch_radius_note: str
+    largest_speed: float  # m/s, that no particle exceeds
+    pairs: PairKinds | None  # None of a single particle
+    advice: tuple[float, TimeScale] | str  # a step in s and what limits it, or why there is none
 
     @property
     def electric(self) -> Floats:
@@ -166,22 +184,6 @@ class _Launch:
     @property
     def wind(self) -> bool:
         return any(self.case.medium.velocity) and self.drag.kind != "none"
-
-
-def step_warnings(case: Case, particles: Particles) -> Iterator[str]:
-    """Yield what is wrong with the step of a case, before it runs."""
-    medium = case.medium
-    pulse = _pulse_speed(case, float(particles.mass.sum())) or 0.0
-    relative = pulse + np.linalg.norm(particles.velocity - medium.velocity, axis=1)
-    drag = drag_law(medium)
-    with np.errstate(all="ignore"):
-        slowing = theory.drag_resistance(relative, particles.radius, drag) / particles.mass
-    shortest = 1.0 / slowing.max() if slowing.max() > 0.0 else np.inf
-    if case.time.step > LARGEST_PART_OF_SLOWING * shortest:
-        yield (
-            f"time.step is {case.time.step / shortest:.2g} times the {shortest:.2g} s in which "
-            "drag slows a particle: paths come out wrong; take a tenth of that time or less"
-        )
 
 
 def _launch(case: Case) -> _Launch:
@@ -207,6 +209,9 @@ def _launch(case: Case) -> _Launch:
         speed = relative = np.array([pulse or 0.0])
     elif at_rest:
         speed = np.array([pulse or 0.0])
+    sources = near_field_sources(
+        case, particles.radius, particles.mass, particles.charge, particles.sign
+    )
     return _Launch(
         case=case,
         drag=drag,
@@ -221,6 +226,9 @@ def _launch(case: Case) -> _Launch:
         at_rest_before=at_rest,
         launch_radius=float(np.linalg.norm(offset, axis=1).max()),
         launch_radius_note="",
+        largest_speed=launch_speed(case, particles),
+        pairs=pair_kinds(particles.radius, particles.mass, sources) if len(particles) > 1 else None,
+        advice=advised_step(case, particles) or "nothing limits the step",
     )
 
 
@@ -231,6 +239,7 @@ def _launch_of_many(case: Case, packed: PackedParticles, drag: DragLaw) -> _Laun
     positive = round(packed.positive_fraction * packed.count)
     signs = [1.0] * (positive > 0) + [-1.0] * (positive < packed.count)
     speed = np.array([pulse or 0.0])
+    charge_per_mass = packed.charge_per_mass * np.array(signs)
     relative: Floats | str = speed
     if any(case.medium.velocity):
         relative = f"not worked out for more than {LARGEST_PACKED_COUNT} particles in a wind"
@@ -240,7 +249,7 @@ def _launch_of_many(case: Case, packed: PackedParticles, drag: DragLaw) -> _Laun
         count=packed.count,
         radius=np.array([packed.radius]),
         density=np.array([packed.density]),
-        charge_per_mass=packed.charge_per_mass * np.array(signs),
+        charge_per_mass=charge_per_mass,
         total_mass=total_mass,
         pulse_speed=pulse,
         speed=speed,
@@ -251,7 +260,20 @@ def _launch_of_many(case: Case, packed: PackedParticles, drag: DragLaw) -> _Laun
             "estimate, domain radius less particle radius, to which the outermost centres come "
             f"close: more than {LARGEST_PACKED_COUNT} particles are not packed for this table"
         ),
+        largest_speed=pulse or 0.0,
+        pairs=_pairs_of_many(case, packed, charge_per_mass),
+        advice=f"not worked out for more than {LARGEST_PACKED_COUNT} particles; a run warns",
     )
+
+
+def _pairs_of_many(case: Case, packed: PackedParticles, charge_per_mass: Floats) -> PairKinds:
+    """The pairs of equal particles that differ in charge at most, two or more of each."""
+    charge_per_mass = np.repeat(charge_per_mass, 2)
+    ones = np.ones(len(charge_per_mass))
+    mass = ones * theory.sphere_mass(packed.radius, packed.density)
+    radius = ones * packed.radius
+    sources = near_field_sources(case, radius, mass, charge_per_mass * mass, ones)
+    return pair_kinds(radius, mass, sources)
 
 
 def _pulse_speed(case: Case, total_mass: float) -> float | None:
@@ -347,8 +369,8 @@ def _verlet_note(launch: _Launch, omega: Floats | str, steps: Floats | str) -> s
     turn = np.abs(omega).max() * launch.case.time.step
     growth = np.exp(min(launch.case.time.steps * np.log1p(turn**2), 700.0))
     note = f"verlet multiplies the gyration energy by about {growth:.3g} over this run"
-    if steps.min() < FEWEST_STEPS_PER_GYRATION:
-        few = f"WARNING: fewer than {FEWEST_STEPS_PER_GYRATION} steps do not resolve a gyration; "
+    if steps.min() < STEPS_PER_GYRATION:
+        few = f"WARNING: fewer than {STEPS_PER_GYRATION} steps do not resolve a gyration; "
         note = few + note
     return note
 
@@ -526,10 +548,66 @@ def _semi_axes(launch: _Launch, time: float | None) -> tuple[Any, Any]:
         return BEYOND_RANGE, BEYOND_RANGE
 
 
+def _contact_rows(launch: _Launch) -> Iterator[DerivedNumber]:
+    contact, pairs = launch.case.contact, launch.pairs
+    unavailable = "no contact" if contact is None else "a single particle" if pairs is None else ""
+    stiffness: Any = unavailable
+    strain: Any = unavailable
+    scales: dict[str, float] = {}
+    if contact is not None and pairs is not None:
+        stiffness = softened_stiffness(contact) if not contact.is_stock else f"law {contact.law}"
+        strain = expected_strain(launch.case, pairs, launch.largest_speed)
+        found = contact_scales(launch.case, pairs, launch.largest_speed)
+        scales = {scale.name: scale.seconds for scale in found}
+    yield _row("contact_stiffness", "K_p", stiffness, "N/m2", "eq. 7.20")
+    yield _row("launch_strain", "E", strain, "", "eq. 7.5", _strain_note(strain))
+    for name, symbol, scale, source, absent in (
+        ("contact_time", "pi sqrt(m_eff/k)", "contact", "eq. 7.5", "no contact"),
+        ("dissipation_time", "m_eff/(c_cd A)", "dissipation", "eq. 7.10", "no damping"),
+        ("friction_time", "sqrt(m_eff/(K_f A))", "friction", "eq. 7.12", "no friction"),
+    ):
+        seconds = scales.get(scale, unavailable or absent)
+        yield _row(name, symbol, seconds, "s", source, "shortest, at the strain of launch or 0.1")
+
+
+def _strain_note(strain: Floats | str) -> str:
+    note = "of two particles that meet head on at twice the launch speed, by energy"
+    if not isinstance(strain, str) and np.max(strain) >= interactions.LARGEST_STRAIN:
+        note = f"WARNING: {interactions.LARGEST_STRAIN:g} or more, too soft a contact; {note}"
+    return note
+
+
+def _near_field_rows(launch: _Launch) -> Iterator[DerivedNumber]:
+    section, contact, pairs = launch.case.near_field, launch.case.contact, launch.pairs
+    force: Any = "no near field" if section is None else "a single particle"
+    strain: Any = force
+    if section is not None and pairs is not None:
+        law = near_field_law(section)
+        force = interactions.near_field_force(pairs.reach, pairs.source_product, law)
+        strain = "no contact"
+        if contact is not None:
+            overlaps = equilibrium_overlaps(contact, law, pairs)
+            strain = f"the contact resists at no strain below {interactions.LARGEST_STRAIN:g}"
+            if None not in overlaps:
+                strain = np.array(overlaps, dtype=float) / pairs.reach
+    note = "positive where it attracts"
+    yield _row("near_field_at_touch", "F_nf", force, "N", "eq. 7.23", note)
+    note = "where contact and near field balance"
+    yield _row("equilibrium_strain", "E_eq", strain, "", "eq. 7.5, 7.23", note)
+
+
+def _step_rows(launch: _Launch) -> Iterator[DerivedNumber]:
+    step: Any = launch.advice
+    note = ""
+    if not isinstance(launch.advice, str):
+        step, scale = launch.advice
+        note = f"limited by {scale.name}: 1/{scale.steps:g} of {scale.seconds:.3g} s"
+    yield _row("advised_step", "dt", step, "s", "step advice", note)
+
+
 def _spheroid_note(launch: _Launch) -> str:
     note = ", of the particle centres"
-    interactions = ("contact", "bond", "near_field")
-    if any(getattr(launch.case, name, None) is not None for name in interactions):
+    if launch.case.interacts:
         note += ", as if particles did not interact"
     if launch.launch_radius_note:
         note += ", from the estimate of the launch radius"

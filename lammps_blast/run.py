@@ -24,9 +24,9 @@ from lammps_blast.deck import (
     write_deck,
     write_resolved_case,
 )
-from lammps_blast.derived_numbers import step_warnings
 from lammps_blast.engine import LOG, EngineError, InterruptedRunError, lammps_warnings, run_deck
 from lammps_blast.particles import Particles, create_particles
+from lammps_blast.step_advice import step_warnings
 
 DONE, INVALID, FAILED, INTERRUPTED = 0, 2, 3, 130
 

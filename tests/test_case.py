@@ -32,12 +32,32 @@ particles:
   density: 7000.0
   charge_per_mass: 10.0
   positive_fraction: 0.5
-  packing: {method: rsa, domain_radius: 1.0, relax: false}
+  packing: {method: rsa, domain_radius: 1.0, relax: true}
 blast: {energy: 1.0e4}
 fields: {electric: [0, 0, 0], magnetic: [10, 0, 1e-5]}
 medium: {density: 1.225, viscosity: 1.8e-5, velocity: [0, 1, 0], drag: chow}
+contact:
+  law: zohdi
+  stiffness: 1.0e7
+  exponent: 2
+  damping: 1.0e5
+  friction: {stiffness: 1.0e6, static: 0.4, dynamic: 0.3}
+  thermal: {temperature: 300, reference: 500, sensitivity: 1, floor: 1.0e5}
+  rotation: true
+bond:
+  stiffness: 1.0e6
+  exponent: 2
+  tangential_stiffness: 1.0e3
+  activation_strain: 0.05
+  memory: none
+near_field:
+  scaling: mass
+  attraction: {strength: 0.5, exponent: 1}
+  repulsion: {strength: 0.01, exponent: 2}
+  cutoff: 0.15
+  switch_width: 0.02
 time: {duration: 1.0, step: 1.0e-4, integrator: verlet}
-output: {interval: 0.02, forces: true, format: binary, restart_interval: 0.25}
+output: {interval: 0.02, forces: true, contacts: true, format: binary, restart_interval: 0.25}
 """
 
 MINIMAL: dict[str, Any] = {
@@ -52,6 +72,25 @@ MINIMAL: dict[str, Any] = {
     "time": {"duration": 1, "step": 1e-4},
 }
 
+CONTACTS: dict[str, dict[str, Any]] = {
+    "zohdi": {"law": "zohdi", "stiffness": 1e7, "exponent": 2},
+    "hooke": {"law": "hooke", "stiffness": 1e5, "damping": 10},
+    "hertz": {"law": "hertz", "youngs_modulus": 1e7, "poisson_ratio": 0.3},
+    "jkr": {"law": "jkr", "youngs_modulus": 1e7, "poisson_ratio": 0.3, "surface_energy": 0.1},
+    "dmt": {"law": "dmt", "youngs_modulus": 1e7, "poisson_ratio": -0.5, "surface_energy": 0.1},
+}
+FRICTION = {"static": 0.4, "dynamic": 0.4}
+THERMAL = {"temperature": 300, "reference": 500, "sensitivity": 1, "floor": 1e5}
+BOND = {"stiffness": 1e6, "exponent": 2, "activation_strain": 0.05}
+NEAR_FIELD = {
+    "scaling": "mass",
+    "attraction": {"strength": 0.5, "exponent": 1},
+    "repulsion": {"strength": 0.01, "exponent": 2},
+    "cutoff": 0.15,
+}
+
+TOUCHING: dict[str, Any] = {**MINIMAL, "contact": CONTACTS["zohdi"]}
+ATTRACTING: dict[str, Any] = {**MINIMAL, "near_field": NEAR_FIELD}
 FROM_FILE: dict[str, Any] = {**MINIMAL, "particles": {"file": "particles.csv"}}
 ABSENT = object()
 
@@ -90,6 +129,18 @@ def test_complete_case_holds_the_values_of_the_file() -> None:
     assert case.blast.energy == 1e4
     assert case.fields.magnetic == (10.0, 0.0, 1e-5)
     assert case.medium.drag == "chow"
+    assert case.contact is not None
+    assert (case.contact.stiffness, case.contact.exponent, case.contact.damping) == (1e7, 2, 1e5)
+    assert case.contact.friction is not None
+    assert (case.contact.friction.static, case.contact.friction.dynamic) == (0.4, 0.3)
+    assert case.contact.thermal is not None
+    assert case.contact.thermal.floor == 1e5
+    assert case.bond is not None
+    assert (case.bond.tangential_stiffness, case.bond.memory) == (1e3, "none")
+    assert case.near_field is not None
+    assert case.near_field.attraction is not None
+    assert (case.near_field.attraction.strength, case.near_field.attraction.exponent) == (0.5, 1)
+    assert (case.near_field.cutoff, case.near_field.switch_width) == (0.15, 0.02)
     assert case.time.steps == 10_000
     assert (case.output_every, case.restart_every) == (200, 2500)
     assert case.folder == FOLDER
@@ -101,6 +152,8 @@ def test_defaults_mean_vacuum_no_fields_no_pulse_and_a_hundred_frames() -> None:
     assert case.fields.electric == case.fields.magnetic == (0.0, 0.0, 0.0)
     assert (case.medium.drag, case.medium.density, case.medium.viscosity) == ("none", 0, 0)
     assert case.time.integrator == "lorentz"
+    assert case.contact is case.bond is case.near_field is None
+    assert not case.interacts
     assert (case.output.interval, case.output.restart_interval) == (0.01, 0.1)
     assert (case.output_every, case.restart_every) == (100, 1000)
 
@@ -117,7 +170,16 @@ def test_particles_are_packed_or_from_a_file(base: dict[str, Any]) -> None:
     assert isinstance(parse_case(base, FOLDER).particles, kind)
 
 
-@pytest.mark.parametrize("source", [COMPLETE, MINIMAL, FROM_FILE])
+@pytest.mark.parametrize(
+    "source",
+    [
+        COMPLETE,
+        MINIMAL,
+        FROM_FILE,
+        changed(ATTRACTING, "near_field.cutoff", "all"),
+        *({**MINIMAL, "contact": contact} for contact in CONTACTS.values()),
+    ],
+)
 def test_dump_loads_back_to_an_equal_case(source: str | dict[str, Any]) -> None:
     case = parse_case(source, FOLDER)
     text = dump_case(case)
@@ -198,7 +260,6 @@ def test_each_drag_law_with_what_it_needs(medium: dict[str, Any]) -> None:
         ("particles.packing.method", "fcc", "'rsa', got 'fcc'"),
         ("particles.packing.domain_radius", ABSENT, "missing"),
         ("particles.packing.domain_radius", 0.01, "at least the particle radius 0.05, got 0.01"),
-        ("particles.packing.relax", True, "not supported yet by this version of lammps-blast"),
         ("particles.packing.relax", "no", "true or false"),
         ("particles.raduis", 1, "did you mean `radius`?"),
         ("particles.packing.domain_radiu", 1, "did you mean `domain_radius`?"),
@@ -229,9 +290,10 @@ def test_each_drag_law_with_what_it_needs(medium: dict[str, Any]) -> None:
         ("output.interval", 1.5e-4, "whole number of steps of 0.0001"),
         ("output.interval", 1e-5, "whole number of steps"),
         ("output.restart_interval", 1e90, "whole number of steps"),
-        ("contact", {"law": "zohdi"}, "not supported yet by this version of lammps-blast"),
-        ("bond", {}, "not supported yet by this version of lammps-blast"),
-        ("near_field", None, "not supported yet by this version of lammps-blast"),
+        ("output.contacts", True, "needs `contact` with `law: zohdi`, got true"),
+        ("contact", "zohdi", "section"),
+        ("bond", BOND, "needs `contact` with `law: zohdi`"),
+        ("near_field", {}, "near_field.cutoff: missing"),
         ("folder", "/tmp", "unknown key"),
         ("partcles", {}, "did you mean `particles`?"),
     ],
@@ -256,6 +318,202 @@ def test_a_drag_law_names_all_that_it_lacks(medium: dict[str, Any], keys: set[st
     assert {problem.split(":")[0] for problem in problems} == {f"medium.{key}" for key in keys}
 
 
+@pytest.mark.parametrize("law", CONTACTS)
+@pytest.mark.parametrize("friction", [None, FRICTION])
+def test_each_contact_law_with_what_it_needs(law: str, friction: dict[str, float] | None) -> None:
+    contact = {**CONTACTS[law], "friction": friction, "rotation": friction is not None}
+    if friction and law in {"zohdi", "hooke"}:
+        contact["friction"] = {**friction, "stiffness": 1e6}
+    case = parse_case({**MINIMAL, "contact": contact}, FOLDER)
+    assert case.contact is not None
+    assert case.contact.law == law
+    assert case.contact.is_stock == (law != "zohdi")
+    assert case.interacts
+
+
+@pytest.mark.parametrize("law", CONTACTS)
+def test_a_contact_law_names_what_it_lacks_and_what_it_has_not(law: str) -> None:
+    own = set(CONTACTS[law]) - {"law", "damping"}
+    every = {key: value for contact in CONTACTS.values() for key, value in contact.items()}
+    every = {**every, "thermal": THERMAL, "law": law}
+
+    lacking = problems_of({**MINIMAL, "contact": {"law": law}})
+    assert {problem.split(":")[0] for problem in lacking} == {f"contact.{key}" for key in own}
+    assert all(f"`law: {law}`" in problem for problem in lacking)
+
+    foreign = set(every) - {"law", "damping", "thermal"} - own
+    if law != "zohdi":
+        foreign.add("thermal")
+    refused = problems_of({**MINIMAL, "contact": every})
+    assert {problem.split(":")[0] for problem in refused} == {f"contact.{key}" for key in foreign}
+    assert all(f"only, not with `law: {law}`" in problem for problem in refused)
+
+
+@pytest.mark.parametrize(
+    ("law", "friction", "rotation", "expected"),
+    [
+        ("zohdi", {}, False, {"stiffness": "greater than 0 with `law: zohdi`, got nothing"}),
+        ("hooke", {}, True, {"stiffness": "greater than 0 with `law: hooke`, got nothing"}),
+        ("hertz", {"stiffness": 1e6}, True, {"stiffness": "not with `law: hertz`, got 1000000.0"}),
+        ("jkr", {"dynamic": 0.3}, True, {"dynamic": "must equal the static coefficient 0.4"}),
+        (
+            "hooke",
+            {"dynamic": 0.3},
+            True,
+            {"stiffness": "greater than 0", "dynamic": "which has one coefficient, got 0.3"},
+        ),
+        ("dmt", {}, False, {"rotation": "must be true with `friction` and `law: dmt`"}),
+        ("zohdi", {"stiffness": 0}, False, {"stiffness": "greater than 0, got 0"}),
+        ("zohdi", {"stiffness": 1, "static": -1}, False, {"static": "at least 0, got -1"}),
+        ("zohdi", {"stiffness": 1, "dynamic": -1}, False, {"dynamic": "at least 0, got -1"}),
+        (
+            "zohdi",
+            {"stiffness": 1, "dynamic": 0.5},
+            False,
+            {"dynamic": "at most the static coefficient 0.4, got 0.5"},
+        ),
+    ],
+)
+def test_friction_that_the_law_has_not(
+    law: str, friction: dict[str, float], rotation: bool, expected: dict[str, str]
+) -> None:
+    contact = {**CONTACTS[law], "friction": {**FRICTION, **friction}, "rotation": rotation}
+    problems = dict(
+        problem.split(": ", 1) for problem in problems_of({**MINIMAL, "contact": contact})
+    )
+    where = {"rotation": "contact.rotation"}
+    assert problems.keys() == {where.get(key, f"contact.friction.{key}") for key in expected}
+    for key, text in expected.items():
+        assert text in problems[where.get(key, f"contact.friction.{key}")]
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "expected"),
+    [
+        ("contact.law", "hook", "'zohdi', 'hooke', 'hertz', 'jkr' or 'dmt', got 'hook'"),
+        ("contact.stiffness", 0, "greater than 0"),
+        ("contact.exponent", -1, "at least 0"),
+        ("contact.damping", -1, "at least 0"),
+        ("contact.rotation", 1, "true or false"),
+        ("contact.friction", {}, "contact.friction.static: missing"),
+        ("contact.thermal", {}, "contact.thermal.floor: missing"),
+        ("contact.thermal", {**THERMAL, "temperature": 0}, "greater than 0"),
+        ("contact.thermal", {**THERMAL, "reference": 0}, "greater than 0"),
+        ("contact.thermal", {**THERMAL, "sensitivity": -1}, "at least 0"),
+        ("contact.thermal", {**THERMAL, "floor": 0}, "greater than 0"),
+        ("contact.stifness", 1, "did you mean `stiffness`?"),
+        ("contact", {**CONTACTS["hertz"], "poisson_ratio": 0.51}, "at most 0.5"),
+        ("contact", {**CONTACTS["hertz"], "poisson_ratio": -1}, "greater than -1"),
+        ("contact", {**CONTACTS["hertz"], "youngs_modulus": 0}, "greater than 0"),
+        ("contact", {**CONTACTS["jkr"], "surface_energy": 0}, "greater than 0"),
+        ("bond", {}, "bond.stiffness: missing"),
+        ("bond", {}, "activation_strain: missing, must be a strain between 0 and 1: the paper"),
+        ("bond", {**BOND, "activation_strain": None}, "must be a number, got nothing"),
+        ("bond", {**BOND, "activation_strain": 0}, "greater than 0"),
+        ("bond", {**BOND, "activation_strain": 1}, "less than 1"),
+        ("bond", {**BOND, "stiffness": -1}, "at least 0"),
+        ("bond", {**BOND, "exponent": -1}, "at least 0"),
+        ("bond", {**BOND, "tangential_stiffness": -1}, "at least 0"),
+        ("bond", {**BOND, "memory": "long"}, "'contact' or 'none', got 'long'"),
+        ("near_field", {**NEAR_FIELD, "scaling": "radius"}, "'mass', 'area', 'volume' or 'charge'"),
+        (
+            "near_field",
+            {**NEAR_FIELD, "cutoff": 0},
+            "greater than 0 in m, or the word `all`, got 0",
+        ),
+        ("near_field", {**NEAR_FIELD, "cutoff": "al"}, "or the word `all`, got 'al'"),
+        ("near_field", {**NEAR_FIELD, "cutoff": True}, "or the word `all`, got true"),
+        ("near_field", {**NEAR_FIELD, "cutoff": float("inf")}, "or the word `all`, got inf"),
+        ("near_field", {**NEAR_FIELD, "switch_width": 0}, "greater than 0"),
+        ("near_field", {**NEAR_FIELD, "switch_width": 0.15}, "less than the cutoff 0.15"),
+        ("near_field", {**NEAR_FIELD, "switch_width": 0.1, "cutoff": "all"}, "`cutoff: all`"),
+        ("near_field", {"scaling": "mass", "cutoff": 1}, "repulsion: must be a section"),
+        ("near_field", {**NEAR_FIELD, "repulsion": {}}, "repulsion.exponent: missing"),
+        ("near_field", {**NEAR_FIELD, "attraction": {"strength": -1, "exponent": 1}}, "at least 0"),
+        ("near_field", {**NEAR_FIELD, "attraction": {"strength": 1, "exponent": -1}}, "at least 0"),
+    ],
+)
+def test_a_bad_interaction_is_named_by_its_key(path: str, value: object, expected: str) -> None:
+    problems = problems_of(changed(TOUCHING, path, value))
+    assert any(problem.startswith(path) and expected in problem for problem in problems), problems
+
+
+@pytest.mark.parametrize("contact", [None, CONTACTS["jkr"]])
+def test_bonds_and_the_list_of_contacts_need_the_law_of_the_paper(
+    contact: dict[str, Any] | None,
+) -> None:
+    source = {**MINIMAL, "contact": contact, "bond": BOND, "output": {"contacts": True}}
+    assert {problem.split(":")[0] for problem in problems_of(source)} == {"bond", "output.contacts"}
+    parse_case({**source, "contact": CONTACTS["zohdi"]}, FOLDER)
+
+
+def test_an_invalid_contact_is_not_taken_for_none() -> None:
+    source = changed(ATTRACTING, "near_field.repulsion", ABSENT)
+    source |= {"contact": {}, "bond": BOND, "output": {"contacts": True}}
+    keys = {problem.split(":")[0] for problem in problems_of(source)}
+    assert keys == {"contact.stiffness", "contact.exponent"}
+
+
+def test_near_field_of_charge_needs_charges() -> None:
+    near_field = {**NEAR_FIELD, "scaling": "charge"}
+    uncharged = changed(MINIMAL, "particles.charge_per_mass", 0)
+    (problem,) = problems_of({**uncharged, "near_field": near_field})
+    assert problem.startswith("near_field.scaling: 'charge' needs charged particles")
+    parse_case({**MINIMAL, "near_field": near_field}, FOLDER)
+
+
+LIKE = {"scaling": "charge"}, 1.0
+MIXED = {"scaling": "charge"}, 0.5
+# Of ten particles 0.96 are all: there are no two of unlike sign.
+ROUNDED = {"scaling": "charge"}, 0.96
+MASSES = {"scaling": "mass"}, 0.5
+
+
+@pytest.mark.parametrize(
+    ("signs", "attraction", "repulsion", "diverging"),
+    [
+        (MASSES, (1, 1), None, "attraction"),
+        (MASSES, (1, 1), (0, 2), "attraction"),
+        (MASSES, (1, 2), (9, 1), "attraction"),
+        (MASSES, (1, 1), (0.9, 1), "attraction"),
+        (MASSES, (1, 1), (1, 1), None),
+        (MASSES, (1, 1), (1e-9, 1.1), None),
+        (MASSES, (1, 0), None, None),
+        (MASSES, (0, 2), None, None),
+        (MASSES, None, (1, 2), None),
+        (LIKE, (1, 1), None, "attraction"),
+        (LIKE, (1, 1), (1, 2), None),
+        (ROUNDED, (1, 1), (1, 2), None),
+        (MIXED, (1, 1), (1, 2), "repulsion"),
+        (MIXED, (1, 2), (1, 1), "attraction"),
+        (MIXED, None, (1, 2), "repulsion"),
+        (MIXED, (1, 1), (1, 1), None),
+        (MIXED, (0, 1), (1, 0), None),
+    ],
+)
+def test_attraction_without_bound_needs_contact(
+    signs: tuple[dict[str, str], float],
+    attraction: tuple[float, float] | None,
+    repulsion: tuple[float, float] | None,
+    diverging: str | None,
+) -> None:
+    scaling, positive_fraction = signs
+    near_field: dict[str, Any] = {**scaling, "cutoff": "all"}
+    for key, term in (("attraction", attraction), ("repulsion", repulsion)):
+        near_field[key] = term and {"strength": term[0], "exponent": term[1]}
+    source = changed(MINIMAL, "particles.positive_fraction", positive_fraction)
+    source["near_field"] = near_field
+    if diverging:
+        (problem,) = problems_of(source)
+        assert problem.startswith(f"near_field.{diverging}.exponent: diverges: ")
+        assert "add `contact`" in problem
+        # Where both kinds of pairs exist, no exponents suit both.
+        assert ("higher exponent" in problem) == (signs is not MIXED)
+    else:
+        parse_case(source, FOLDER)
+    parse_case({**source, "contact": CONTACTS["zohdi"]}, FOLDER)
+
+
 def test_packed_and_from_a_file_exclude_each_other() -> None:
     (problem,) = problems_of(changed(MINIMAL, "particles.file", "particles.csv"))
     assert problem.startswith("particles: ")
@@ -273,11 +531,13 @@ def test_all_problems_are_told_at_once() -> None:
         """
         name: Bad Name
         seed: -1
-        particles: {count: 1.5, radius: -1, density: 0, packing: {domain_radius: no, relax: true}}
+        particles: {count: 1.5, radius: -1, density: 0, packing: {domain_radius: no, relax: 1}}
         blast: {energy: .nan}
         fields: {magnetic: [1, 2]}
         medium: {drag: chow}
-        contact: {}
+        contact: {law: hertz, stiffness: 1, friction: {static: 0.1, dynamic: 0.2}}
+        bond: {memory: 3}
+        near_field: {scaling: mass, cutoff: nowhere}
         tme: {}
         time: {duration: 1, step: 0.4, integrator: implicit}
         output: {format: x, interval: -1}
@@ -296,7 +556,16 @@ def test_all_problems_are_told_at_once() -> None:
         "fields.magnetic",
         "medium.density",
         "medium.viscosity",
-        "contact",
+        "contact.stiffness",
+        "contact.friction.dynamic",
+        "contact.youngs_modulus",
+        "contact.poisson_ratio",
+        "bond.stiffness",
+        "bond.exponent",
+        "bond.activation_strain",
+        "bond.memory",
+        "near_field.repulsion",
+        "near_field.cutoff",
         "tme",
         "time.step",
         "time.integrator",

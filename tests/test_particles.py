@@ -10,15 +10,19 @@ from scipy import stats
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist
 
-from lammps_blast.case import CaseError, parse_case
+from lammps_blast.case import Case, CaseError, parse_case
 from lammps_blast.particles import (
     PackingError,
     ParticleFileError,
     Particles,
     _Room,
+    coincident_pair,
     create_particles,
     deepest_overlap,
+    densest_relaxed,
+    overlap_depth,
     pack_spheres,
+    place_for_relaxation,
     read_particles,
 )
 
@@ -124,12 +128,63 @@ def test_spheres_that_do_not_fit_are_refused(
         assert key in message
     if reached is not None:
         assert f"only {reached} of" in message
+    offered = "particles.packing.relax: true" in message
+    assert offered == (count * radius**3 <= densest_relaxed(count))
 
 
 @pytest.mark.parametrize(("count", "radius"), [(2_000_000_000, 0.05), (2, 1.0), (1, 1.001)])
 def test_the_inconceivable_is_refused_at_once(count: int, radius: float) -> None:
     with pytest.raises(PackingError, match=r"no packing of equal spheres fills more than 0\.74"):
         pack_spheres(count, radius, 1.0, np.random.default_rng(1))
+
+
+@pytest.mark.parametrize(("count", "fraction"), [(2000, 0.30), (300, 0.2), (1, 1.0)])
+def test_what_is_packed_with_ease_needs_no_shrinking(count: int, fraction: float) -> None:
+    radius = (fraction / count) ** (1 / 3)
+    placed, packed = (
+        place(count, radius, 1.0, np.random.default_rng(6))
+        for place in (place_for_relaxation, pack_spheres)
+    )
+    np.testing.assert_array_equal(placed, packed)
+
+
+@pytest.mark.parametrize(
+    ("count", "fraction"),
+    [(2000, 0.35), (2000, 0.5), (5000, 0.6), (40, 0.45), (6, 0.42), (2, 0.25)],
+)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_dense_clouds_are_placed_apart_inside_the_domain(
+    count: int, fraction: float, seed: int
+) -> None:
+    radius = 2.0 * (fraction / count) ** (1 / 3)
+    centres = place_for_relaxation(count, radius, 2.0, np.random.default_rng(seed))
+    assert centres.shape == (count, 3)
+    assert np.all(np.linalg.norm(centres, axis=1) + radius <= 2.0)
+    # Shrunk to a volume fraction of 0.3 they do not overlap; a handful needs more room.
+    assert pdist(centres).min() >= (1.5 if count >= 2000 else 0.8) * radius
+
+
+def test_relaxed_particles_keep_their_full_radius_and_overlap() -> None:
+    count, radius = 400, 0.1
+    case = packed_case(count=count, radius=radius, packing={"domain_radius": 1.0, "relax": True})
+    particles = create_particles(parse_case(case, Path()))
+    np.testing.assert_array_equal(particles.radius, radius)
+    np.testing.assert_allclose(particles.mass, 29.3215, rtol=1e-5)
+    assert overlap_depth(particles) == pytest.approx(2 * radius - pdist(particles.position).min())
+    assert 0 < overlap_depth(particles) < 0.5 * radius
+    case["particles"]["packing"]["relax"] = False
+    with pytest.raises(PackingError, match=r"or particles\.packing\.relax: true"):
+        create_particles(parse_case(case, Path()))
+
+
+@pytest.mark.parametrize(
+    ("count", "radius"), [(2000, 0.0675), (20, 0.3), (2, 0.56), (2_000_000_000, 0.05)]
+)
+def test_clouds_too_dense_to_relax_are_refused(count: int, radius: float) -> None:
+    with pytest.raises(PackingError, match=r"random close packing is near 0\.64") as caught:
+        place_for_relaxation(count, radius, 1.0, np.random.default_rng(1))
+    assert f"would fill {count * radius**3:.3g} of" in str(caught.value)
+    assert "relax: true" not in str(caught.value)
 
 
 def packed_case(**particles: object) -> dict[str, object]:
@@ -160,6 +215,7 @@ def test_packed_particles_are_at_rest_with_the_asked_charges(
     assert np.sum(particles.charge_per_mass == 10.0) == positive
     assert np.sum(particles.charge_per_mass == -10.0) == 7 - positive
     np.testing.assert_array_equal(particles.charge, particles.charge_per_mass * particles.mass)
+    np.testing.assert_array_equal(particles.sign, 1)
     np.testing.assert_array_equal(particles.position, create_particles(case).position)
 
 
@@ -189,9 +245,9 @@ def write_file(folder: Path, text: str) -> Path:
 def test_a_file_with_all_columns_in_any_order(tmp_path: Path) -> None:
     path = write_file(
         tmp_path,
-        "wx,wy,wz,density, radius ,x,y,z,vz,vy,vx,charge_per_mass\n"
-        "1,2,3,7e3,.5,0,0,0,6,5,4,-10\n\n"
-        "0,0,0,1,0.25, 5 ,-5,1e-3,0,0,0,0\n",
+        "wx,wy,wz,density, radius ,x,y,z,sign,vz,vy,vx,charge_per_mass\n"
+        "1,2,3,7e3,.5,0,0,0,-1,6,5,4,-10\n\n"
+        "0,0,0,1,0.25, 5 ,-5,1e-3,+1.0,0,0,0,0\n",
     )
     particles = read_particles(path)
     np.testing.assert_array_equal(particles.position, [[0, 0, 0], [5, -5, 1e-3]])
@@ -200,6 +256,7 @@ def test_a_file_with_all_columns_in_any_order(tmp_path: Path) -> None:
     np.testing.assert_array_equal(particles.radius, [0.5, 0.25])
     np.testing.assert_array_equal(particles.density, [7000, 1])
     np.testing.assert_array_equal(particles.charge_per_mass, [-10, 0])
+    np.testing.assert_array_equal(particles.sign, [-1, 1])
 
 
 def test_a_case_finds_its_file_beside_it(tmp_path: Path) -> None:
@@ -208,6 +265,7 @@ def test_a_case_finds_its_file_beside_it(tmp_path: Path) -> None:
     particles = create_particles(parse_case(source, tmp_path))
     assert isinstance(particles, Particles)
     np.testing.assert_array_equal(particles.velocity, [[0, 0, 0]])
+    np.testing.assert_array_equal(particles.sign, [1])
 
 
 ROW = "0,0,0,1,1,1"
@@ -220,7 +278,9 @@ ROW = "0,0,0,1,1,1"
         (f"{HEADER}\n", "no particles"),
         (f"x,y,z,radius,density\n{ROW}", "line 1: column 'charge_per_mass': missing"),
         (f"x,y,z,raduis,density,charge_per_mass\n{ROW}", "did you mean 'radius'"),
-        (f"{HEADER},sign\n{ROW},1", "'sign': not supported yet"),
+        (f"{HEADER},sign\n{ROW},0", "line 2: column 'sign': must be 1 or -1, got '0'"),
+        (f"{HEADER},sign\n{ROW},-2", "column 'sign': must be 1 or -1, got '-2'"),
+        (f"{HEADER},sign\n{ROW},+", "column 'sign': must be a number, got"),
         (f"{HEADER},colour\n{ROW},1", "column 'colour': unknown column, known: x, y"),
         (f"{HEADER},x\n{ROW},1", "column 'x': given 2 times"),
         (f"{HEADER},vx,vz\n{ROW},1,1", "column 'vy': missing; give all of vx,vy,vz or none"),
@@ -274,6 +334,70 @@ def test_files_that_cannot_be_read(tmp_path: Path, content: bytes | None) -> Non
 def test_overlaps_are_accepted_on_request(tmp_path: Path) -> None:
     path = write_file(tmp_path, f"{HEADER}\n{ROW}\n{ROW}")
     assert len(read_particles(path, allow_overlap=True)) == 2
+
+
+CONTACT = {"stiffness": 1e7, "exponent": 2}
+REPULSION = {"scaling": "mass", "repulsion": {"strength": 1, "exponent": 2}, "cutoff": "all"}
+
+
+def case_of_file(folder: Path, text: str, **sections: object) -> Case:
+    write_file(folder, text)
+    particles = {"file": "particles.csv", "allow_overlap": True}
+    return parse_case({**packed_case(), "particles": particles, **sections}, folder)
+
+
+@pytest.mark.parametrize("sections", [{"contact": CONTACT}, {"near_field": REPULSION}])
+@pytest.mark.parametrize("apart", [0.0, 1e-13])
+def test_particles_at_one_place_are_refused_where_they_interact(
+    tmp_path: Path, sections: dict[str, object], apart: float
+) -> None:
+    text = f"{HEADER}\n0,0,0,1,1,1\n0,0,0.5,1,1,1\n{apart},0,0,0.5,1,1"
+    with pytest.raises(ParticleFileError, match="lines 2 and 4: the particles are at one place"):
+        create_particles(case_of_file(tmp_path, text, **sections))
+    assert len(create_particles(case_of_file(tmp_path, text))) == 3
+    near = text.replace(f"{apart},0,0", "1e-11,0,0")
+    assert len(create_particles(case_of_file(tmp_path, near, **sections))) == 3
+
+
+def test_one_coincidence_among_many_particles_is_found() -> None:
+    position = np.random.default_rng(8).random((100_000, 3))
+    radius = np.full(100_000, 1e-3)
+    assert coincident_pair(position, radius) is None
+    position[777] = position[91_234] + [0, 1e-15, 0]
+    assert set(coincident_pair(position, radius) or ()) == {777, 91_234}
+    assert coincident_pair(np.zeros((100_000, 3)), radius) is not None
+
+
+ATTRACTION = {"strength": 1, "exponent": 1}
+
+
+@pytest.mark.parametrize(
+    ("scaling", "attributes", "key"),
+    [
+        ("charge", ["0,1", "0,-1"], "scaling: 'charge' needs charged particles"),
+        ("charge", ["0,1", "5,-1"], None),
+        ("charge", ["5,1", "-5,1"], None),
+        ("charge", ["5,1", "5,-1"], "attraction.exponent: diverges"),
+        ("mass", ["5,1", "-5,1"], "attraction.exponent: diverges"),
+        ("mass", ["5,1", "5,-1"], None),
+        ("mass", ["5,1", "5,-1", "5,-1"], "attraction.exponent: diverges"),
+    ],
+)
+def test_near_field_of_particles_from_a_file(
+    tmp_path: Path, scaling: str, attributes: list[str], key: str | None
+) -> None:
+    """Particles of unlike sign repel each other by what attracts those of like sign."""
+    rows = [f"{place},0,0,0.1,1,{pair}" for place, pair in enumerate(attributes)]
+    text = "\n".join([f"{HEADER},sign", *rows])
+    near_field = {"scaling": scaling, "attraction": ATTRACTION, "cutoff": 0.5}
+    case = case_of_file(tmp_path, text, near_field=near_field)
+    if key:
+        with pytest.raises(CaseError, match=rf"^near_field\.{key}"):
+            create_particles(case)
+    else:
+        assert len(create_particles(case)) == len(attributes)
+    if not key or "diverges" in key:
+        create_particles(case_of_file(tmp_path, text, near_field=near_field, contact=CONTACT))
 
 
 def test_touching_spheres_do_not_overlap() -> None:

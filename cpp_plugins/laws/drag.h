@@ -5,13 +5,12 @@
 #ifndef BLAST_LAWS_DRAG_H
 #define BLAST_LAWS_DRAG_H
 
+#include "sphere.h"
 #include "vector3.h"
 
 #include <cmath>
 
 namespace blast {
-
-constexpr double pi = 3.14159265358979323846;
 
 enum class DragLaw { none, constant, chow, stokes };
 

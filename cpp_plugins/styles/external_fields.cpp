@@ -1,5 +1,7 @@
 #include "external_fields.h"
 
+#include "style_arguments.h"
+
 #include "atom.h"
 #include "error.h"
 #include "lammps.h"
@@ -13,25 +15,10 @@ using namespace LAMMPS_NS;
 
 namespace {
 
-double finite_number(LAMMPS *lmp, const char *style, const char *text)
-{
-  const double value = utils::numeric(FLERR, text, false, lmp);
-  if (!std::isfinite(value))
-    lmp->error->all(FLERR, "{} argument {} is not a finite number", style, text);
-  return value;
-}
-
-double non_negative(LAMMPS *lmp, const char *style, const char *keyword, const char *text)
-{
-  const double value = finite_number(lmp, style, text);
-  if (value < 0.0) lmp->error->all(FLERR, "{} {} must not be negative: {}", style, keyword, text);
-  return value;
-}
-
 blast::Vector3 vector(LAMMPS *lmp, const char *style, char **text)
 {
-  return {finite_number(lmp, style, text[0]), finite_number(lmp, style, text[1]),
-          finite_number(lmp, style, text[2])};
+  return {finite_argument(lmp, style, text[0]), finite_argument(lmp, style, text[1]),
+          finite_argument(lmp, style, text[2])};
 }
 
 } // namespace
@@ -40,8 +27,7 @@ ExternalFields::ExternalFields(LAMMPS *lmp, const char *style, int first, int na
 {
   bool density_given = false, viscosity_given = false;
   const auto require = [&](int iarg, int values) {
-    if (iarg + values >= narg)
-      utils::missing_cmd_args(FLERR, std::string(style) + " " + arg[iarg], lmp->error);
+    require_arguments(lmp, style, iarg, values, narg, arg);
   };
 
   int iarg = first;
@@ -55,12 +41,12 @@ ExternalFields::ExternalFields(LAMMPS *lmp, const char *style, int first, int na
       read_drag(lmp, style, iarg, narg, arg);
     } else if (strcmp(arg[iarg], "density") == 0) {
       require(iarg, 1);
-      medium.density = non_negative(lmp, style, "density", arg[iarg + 1]);
+      medium.density = non_negative_argument(lmp, style, "density", arg[iarg + 1]);
       density_given = true;
       iarg += 2;
     } else if (strcmp(arg[iarg], "viscosity") == 0) {
       require(iarg, 1);
-      medium.viscosity = non_negative(lmp, style, "viscosity", arg[iarg + 1]);
+      medium.viscosity = non_negative_argument(lmp, style, "viscosity", arg[iarg + 1]);
       viscosity_given = true;
       iarg += 2;
     } else if (strcmp(arg[iarg], "velocity") == 0) {
@@ -93,7 +79,7 @@ void ExternalFields::read_drag(LAMMPS *lmp, const char *style, int &iarg, int na
     if (iarg >= narg)
       utils::missing_cmd_args(FLERR, std::string(style) + " drag constant", lmp->error);
     medium.law = blast::DragLaw::constant;
-    medium.drag_coefficient = non_negative(lmp, style, "drag coefficient", arg[iarg]);
+    medium.drag_coefficient = non_negative_argument(lmp, style, "drag coefficient", arg[iarg]);
     ++iarg;
   } else {
     lmp->error->all(FLERR, "Unknown {} drag law: {} (none, constant, chow or stokes)", style, law);

@@ -19,7 +19,7 @@ FixLorentzDrag::FixLorentzDrag(LAMMPS *lmp, int narg, char **arg)
   restart_global = 1;
   nevery = 1;
   vector_flag = 1;
-  size_vector = WorkTally::CHANNELS;
+  size_vector = FIELD_WORKS;
   global_freq = 1;
   extvector = 1;
 }
@@ -79,14 +79,14 @@ void FixLorentzDrag::tally_half_kick()
     if (!(atom->mask[i] & groupbit)) continue;
     const Vector3 mean_velocity =
         Vector3(atom->v[i]) - (0.5 * half_step / atom->rmass[i]) * Vector3(atom->f[i]);
-    tally.work[WorkTally::DRAG] += half_step * dot(drag[i], mean_velocity);
-    tally.work[WorkTally::MAGNETIC] += half_step * dot(magnetic[i], mean_velocity);
+    tally.energy[DRAG_WORK] += half_step * dot(drag[i], mean_velocity);
+    tally.energy[MAGNETIC_WORK] += half_step * dot(magnetic[i], mean_velocity);
   }
 }
 
 double FixLorentzDrag::compute_vector(int channel)
 {
-  return tally.total(static_cast<WorkTally::Channel>(channel), world);
+  return tally.total(channel, world);
 }
 
 double FixLorentzDrag::memory_usage()

@@ -4,9 +4,9 @@
 #ifndef BLAST_STYLES_FIX_LORENTZ_DRAG_H
 #define BLAST_STYLES_FIX_LORENTZ_DRAG_H
 
+#include "energy_tally.h"
 #include "external_fields.h"
 #include "fix.h"
-#include "work_tally.h"
 
 #include <vector>
 
@@ -31,7 +31,7 @@ private:
   void tally_half_kick();
 
   ExternalFields fields;
-  WorkTally tally;
+  FieldWorkTally tally;
   // Forces of the last evaluation, by local index: read again before atoms move between ranks.
   std::vector<blast::Vector3> drag, magnetic;
 };

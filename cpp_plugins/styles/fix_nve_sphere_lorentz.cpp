@@ -23,7 +23,7 @@ FixNVESphereLorentz::FixNVESphereLorentz(LAMMPS *lmp, int narg, char **arg)
   dynamic_group_allow = 1;
   restart_global = 1;
   vector_flag = 1;
-  size_vector = WorkTally::CHANNELS;
+  size_vector = FIELD_WORKS;
   global_freq = 1;
   extvector = 1;
 }
@@ -51,8 +51,8 @@ void FixNVESphereLorentz::initial_integrate(int /*vflag*/)
   for_each_block([this, step](const ParticleBlock &block) {
     kick(block, 0.5 * step);
     const DriftWork work = drift(block, fields, gyrations, step);
-    tally.work[WorkTally::DRAG] += work.drag;
-    tally.work[WorkTally::MAGNETIC] += work.magnetic;
+    tally.energy[DRAG_WORK] += work.drag;
+    tally.energy[MAGNETIC_WORK] += work.magnetic;
   });
 }
 
@@ -77,7 +77,7 @@ template <class Action> void FixNVESphereLorentz::for_each_block(Action action)
 
 double FixNVESphereLorentz::compute_vector(int channel)
 {
-  return tally.total(static_cast<WorkTally::Channel>(channel), world);
+  return tally.total(channel, world);
 }
 
 void FixNVESphereLorentz::write_restart(FILE *fp)

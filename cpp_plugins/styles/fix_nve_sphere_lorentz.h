@@ -4,10 +4,10 @@
 #ifndef BLAST_STYLES_FIX_NVE_SPHERE_LORENTZ_H
 #define BLAST_STYLES_FIX_NVE_SPHERE_LORENTZ_H
 
+#include "energy_tally.h"
 #include "external_fields.h"
 #include "fix.h"
 #include "particle_block.h"
-#include "work_tally.h"
 
 namespace LAMMPS_NS {
 
@@ -27,7 +27,7 @@ private:
   template <class Action> void for_each_block(Action action);
 
   ExternalFields fields;
-  WorkTally tally;
+  FieldWorkTally tally;
   BlockGyrations gyrations;
 };
 

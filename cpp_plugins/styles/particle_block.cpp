@@ -1,6 +1,7 @@
 #include "particle_block.h"
 
 #include "sphere.h"
+#include "vector_clones.h"
 
 #include "atom.h"
 
@@ -11,16 +12,6 @@ using blast::Gyration;
 using blast::Medium;
 using blast::Slowing;
 using blast::Vector3;
-
-// One build serves every processor of a cluster: the loader picks the widest vectors there are.
-#ifdef BLAST_VECTOR_CLONES_WORK
-#define BLAST_VECTOR_CLONES                                                                        \
-  __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-#define BLAST_INLINE inline __attribute__((always_inline))
-#else
-#define BLAST_VECTOR_CLONES
-#define BLAST_INLINE inline
-#endif
 
 ParticleBlock::ParticleBlock(const Atom &atom, int first, int count_)
     : count(count_), x(atom.x[first]), v(atom.v[first]), omega(atom.omega[first]), f(atom.f[first]),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps, rc_context
@@ -59,9 +59,9 @@ def cloud_figure(analyses: Analyses) -> Figure:
     """Draw the cloud at several instants, coloured by speed where the dump has velocities."""
     if analyses.speeds is None:
         plain = to_rgba_array(BLUE)
-        return _cloud_panels(analyses, lambda _: plain, "velocities unknown")
+        return cloud_panels(analyses, lambda _: plain, "velocities unknown")
     scale = SpeedScale.of(analyses)
-    figure = _cloud_panels(analyses, scale.colours)
+    figure = cloud_panels(analyses, scale.colours)
     scale.draw_bar(figure, KEY_PLACE)
     return figure
 
@@ -72,22 +72,26 @@ def charge_figure(analyses: Analyses) -> Figure:
     charge = analyses.cloud.charge
     signs = (charge > 0.0).astype(int) - (charge < 0.0)
     colours = to_rgba_array([colour for _, colour in CHARGES])
-    figure = _cloud_panels(analyses, lambda snapshot: colours[signs[snapshot.drawn]])
+    figure = cloud_panels(analyses, lambda snapshot: colours[signs[snapshot.drawn]])
+    draw_key(figure, dict(CHARGES[sign] for sign in (1, -1, 0) if (signs == sign).any()))
+    return figure
+
+
+def draw_key(figure: Figure, colours: Mapping[str, Any]) -> None:
+    """Write under the panels what the colours of the particles mean (name: colour)."""
     handles = [
-        Line2D([], [], marker="o", linestyle="none", color=colour, label=label, markersize=5.0)
-        for sign in (1, -1, 0)
-        for label, colour in [CHARGES[sign]]
-        if (signs == sign).any()
+        Line2D([], [], marker="o", linestyle="none", color=colour, label=name, markersize=5.0)
+        for name, colour in colours.items()
     ]
     axes = add_axes(figure, KEY_PLACE)
     axes.set_axis_off()
     axes.legend(handles=handles, ncols=len(handles), loc="center")
-    return figure
 
 
-def _cloud_panels(
+def cloud_panels(
     analyses: Analyses, colours: Callable[[Snapshot], np.ndarray], *remarks: str
 ) -> Figure:
+    """Draw the cloud at several instants; `colours` returns those (D, 4) of what is drawn."""
     snapshots = [Snapshot.of(analyses, frame, MAX_DRAWN) for frame in _instants(analyses)]
     corners = np.concatenate([snapshot.corners for snapshot in snapshots])
     scene = Scene.around(corners, Camera.facing(analyses.axis))
@@ -134,6 +138,7 @@ class Snapshot:
     (D,) belong; the box between `corners` (2, 3) holds all particles, drawn or not.
     """
 
+    frame: int
     time: float
     drawn: np.ndarray
     position: np.ndarray
@@ -163,6 +168,7 @@ class Snapshot:
             drawn = np.sort(np.random.default_rng(0).choice(len(drawn), most, replace=False))
         drawn = drawn[finite[drawn]]
         return cls(
+            frame,
             float(ts.time),
             drawn,
             position[drawn],

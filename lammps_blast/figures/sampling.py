@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from lammps_blast import theory
 
@@ -64,6 +65,17 @@ class Sampling:
         if not points <= MAX_CURVE_POINTS:
             return None
         return np.linspace(times[0], times[-1], int(points)) if span > 0.0 else times
+
+
+def plot_frames(
+    axes: Axes, seconds: np.ndarray, values: np.ndarray, joined: bool, **look: Any
+) -> None:
+    """Plot a number of each frame; markers joined by a line, or all of the markers alone."""
+    if joined:
+        look["markevery"] = max(1, len(seconds) // 40)
+    else:
+        look["linestyle"] = "none"
+    axes.plot(seconds, values, **look)
 
 
 def _period(analyses: Analyses) -> float:

@@ -260,6 +260,19 @@ def frame_with_pole(pole: np.ndarray) -> np.ndarray:
     return np.stack([first, np.cross(pole, first), pole])
 
 
+def directions_about(axis: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Return three directions, a row each, the first along `axis`, and what they are called.
+
+    The names are indices of formulas; directions are the coordinate axes where `axis` is one.
+    """
+    main = int(np.argmax(np.abs(axis)))
+    if abs(axis[main]) == 1.0:
+        order = [main, (main + 1) % 3, (main + 2) % 3]
+        return np.eye(3)[order], ["xyz"[i] for i in order]
+    directions = np.roll(frame_with_pole(axis), 1, axis=0)
+    return directions, [r"\parallel", r"{\perp 1}", r"{\perp 2}"]
+
+
 def field_remarks(analyses: Analyses) -> Iterator[str]:
     """Yield why no arrow of a field is drawn, where none is."""
     if analyses.case is None:

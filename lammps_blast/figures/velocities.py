@@ -19,8 +19,8 @@ from lammps_blast.figures.scene import (
     Camera,
     Panel,
     Scene,
+    directions_about,
     field_remarks,
-    frame_with_pole,
     open_panel,
 )
 from lammps_blast.figures.style import (
@@ -104,7 +104,7 @@ def _draw_velocities(panels: Sequence[Axes], analyses: Analyses) -> None:
     window = sampling.legible(results.times)
     shown = _shown_tracks(analyses)
     clock = Unit.of(float(window[-1]), "s")
-    directions, names = _components(analyses)
+    directions, names = directions_about(analyses.axis)
     measured = results.tracked_velocity[: len(window)][:, shown] @ directions.T
     unit = Unit.of(largest_of(measured), "m/s")
     curve_times = sampling.curve_times(window)
@@ -124,7 +124,7 @@ def _draw_velocities(panels: Sequence[Axes], analyses: Analyses) -> None:
                 markersize=1.9, markevery=max(1, len(window) // 200),
             )  # fmt: skip
         axes.axhline(0.0, color="0.8", linewidth=0.5, zorder=0)
-        axes.set_ylabel(f"{name} ({unit.name})")
+        axes.set_ylabel(f"$v_{name}$ ({unit.name})")
         axes.set_ylim(-1.08 * top, 1.08 * top)
     finish_stack(panels, clock, window)
     _put_track_legend(panels[0], analyses, shown, lines)
@@ -197,13 +197,3 @@ def _exact_velocities(
         case.fields.magnetic,
     )
     return turned * (expected.speeds(elapsed) / expected.speed)[:, None, None]
-
-
-def _components(analyses: Analyses) -> tuple[np.ndarray, list[str]]:
-    """Return three directions, a row each, the first along the axis, and the components' names."""
-    main = int(np.argmax(np.abs(analyses.axis)))
-    if abs(analyses.axis[main]) == 1.0:
-        order = [main, (main + 1) % 3, (main + 2) % 3]
-        return np.eye(3)[order], [f"$v_{'xyz'[i]}$" for i in order]
-    directions = np.roll(frame_with_pole(analyses.axis), 1, axis=0)
-    return directions, [r"$v_\parallel$", r"$v_{\perp 1}$", r"$v_{\perp 2}$"]

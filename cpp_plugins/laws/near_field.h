@@ -1,0 +1,133 @@
+// The near field between two particles, eq. 7.23: attraction alpha_1 d^-beta_1 less repulsion
+// alpha_2 d^-beta_2, whole or cut off.
+
+#ifndef BLAST_LAWS_NEAR_FIELD_H
+#define BLAST_LAWS_NEAR_FIELD_H
+
+#include "power.h"
+#include "sphere.h"
+
+#include <cmath>
+
+namespace blast {
+
+// The decompositions of alpha below eq. 7.23.
+enum class Scaling { mass, area, volume, charge };
+
+// The factor of one particle in alpha_ij = alpha * factor_i * factor_j; `sign` is c = +1 or -1. For
+// charges c is the sign of q itself.
+inline double near_field_factor(Scaling scaling, double mass, double radius, double charge,
+                                double sign)
+{
+  switch (scaling) {
+  case Scaling::mass:
+    return mass * sign;
+  case Scaling::area:
+    return sphere_surface(radius) * sign;
+  case Scaling::volume:
+    return sphere_volume(radius) * sign;
+  case Scaling::charge:
+    break;
+  }
+  return charge;
+}
+
+// One of the two terms: strength * d^-exponent, per unit factors.
+struct PowerLaw {
+  double strength = 0.0; // alpha
+  Power power;           // of 1/d, beta
+  Power integral_power;  // |1 - beta|
+
+  PowerLaw() = default;
+  PowerLaw(double strength_, double exponent)
+      : strength(strength_), power(exponent), integral_power(std::fabs(1.0 - exponent))
+  {
+  }
+};
+
+struct NearField {
+  PowerLaw attraction, repulsion;
+  double cutoff = 0.0; // zero: none
+  double switch_width = 0.0;
+
+  bool is_cut() const { return cutoff > 0.0; }
+};
+
+// A step from 1 at `cutoff - switch_width` down to 0 at `cutoff`, with two continuous derivatives.
+inline double switching(const NearField &field, double distance)
+{
+  const double part = (distance - (field.cutoff - field.switch_width)) / field.switch_width;
+  if (part <= 0.0) return 1.0;
+  return 1.0 - part * part * part * (10.0 - part * (15.0 - 6.0 * part));
+}
+
+// Attraction less repulsion of eq. 7.23 for unit factors, with neither cutoff nor switch.
+inline double bare_near_field_force(const NearField &field, double inverse_distance)
+{
+  return field.attraction.strength * field.attraction.power(inverse_distance) -
+         field.repulsion.strength * field.repulsion.power(inverse_distance);
+}
+
+// Force along n_ij on i, for unit factors and a distance not beyond the cutoff.
+inline double near_field_force(const NearField &field, double distance)
+{
+  const double force = bare_near_field_force(field, 1.0 / distance);
+  return field.switch_width > 0.0 ? switching(field, distance) * force : force;
+}
+
+// Integral of strength * d^-beta over d: from the cutoff, where it is zero, or with the constant
+// that makes it a pure power (a logarithm, of d over one metre, for beta = 1).
+inline double power_law_energy(const PowerLaw &law, double distance, double cutoff)
+{
+  if (law.strength == 0.0) return 0.0;
+  const double rest = 1.0 - law.power.exponent;
+  if (cutoff > 0.0) {
+    // Near beta = 1 nothing cancels.
+    const double logarithm = std::log(distance / cutoff), growth = rest * logarithm;
+    const double ratio = growth == 0.0 ? 1.0 : std::expm1(growth) / growth;
+    return law.strength * std::pow(cutoff, rest) * logarithm * ratio;
+  }
+  if (rest == 0.0) return law.strength * std::log(distance);
+  return law.strength * law.integral_power(rest > 0.0 ? distance : 1.0 / distance) / rest;
+}
+
+inline double bare_near_field_energy(const NearField &field, double distance, double cutoff)
+{
+  return power_law_energy(field.attraction, distance, cutoff) -
+         power_law_energy(field.repulsion, distance, cutoff);
+}
+
+// Work of the switched force from a distance within the switch to the cutoff, by Gauss and
+// Legendre, with its sign reversed.
+inline double switched_energy(const NearField &field, double distance)
+{
+  static constexpr double node[] = {0.1488743389816312, 0.4333953941292472, 0.6794095682990244,
+                                    0.8650633666889845, 0.9739065285171717};
+  static constexpr double weight[] = {0.2955242247147529, 0.2692667193099963, 0.2190863625159820,
+                                      0.1494513491505806, 0.0666713443086881};
+  double energy = 0.0;
+  // The force may change by much across a wide switch: pieces reach no farther than a quarter on.
+  while (distance < field.cutoff) {
+    const double end = std::fmin(field.cutoff, 1.25 * distance);
+    const double middle = 0.5 * (distance + end), half = 0.5 * (end - distance);
+    for (int n = 0; n < 5; n++)
+      energy -= half * weight[n] *
+                (near_field_force(field, middle - half * node[n]) +
+                 near_field_force(field, middle + half * node[n]));
+    distance = end;
+  }
+  return energy;
+}
+
+// Potential for unit factors: the force along n_ij is its derivative. Zero at the cutoff.
+inline double near_field_energy(const NearField &field, double distance)
+{
+  if (field.switch_width <= 0.0) return bare_near_field_energy(field, distance, field.cutoff);
+  const double begin = field.cutoff - field.switch_width;
+  if (distance >= begin) return switched_energy(field, distance);
+  return switched_energy(field, begin) + bare_near_field_energy(field, distance, begin);
+}
+
+} // namespace blast
+
+#endif

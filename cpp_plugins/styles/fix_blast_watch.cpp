@@ -1,0 +1,181 @@
+#include "fix_blast_watch.h"
+
+#include "pair_blast_contact.h"
+#include "simulated_time.h"
+#include "style_arguments.h"
+#include "vector3.h"
+
+#include "atom.h"
+#include "error.h"
+#include "force.h"
+#include "input.h"
+#include "modify.h"
+#include "utils.h"
+#include "variable.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+using namespace LAMMPS_NS;
+using namespace FixConst;
+using blast::Vector3;
+
+static constexpr char STYLE[] = "Fix blast/watch";
+
+FixBlastWatch::FixBlastWatch(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
+{
+  if (narg < 4) utils::missing_cmd_args(FLERR, STYLE, error);
+  nevery = utils::inumeric(FLERR, arg[3], false, lmp);
+  if (nevery <= 0) error->all(FLERR, "{} interval must be above zero: {}", STYLE, arg[3]);
+  int iarg = 4;
+  while (iarg < narg) {
+    if (strcmp(arg[iarg], "energy") == 0) {
+      require_arguments(lmp, STYLE, iarg, 2, narg, arg);
+      energy_variable = arg[iarg + 1];
+      if (!utils::strmatch(energy_variable, "^v_."))
+        error->all(FLERR, "{} energy must name a variable v_NAME: {}", STYLE, energy_variable);
+      energy_variable.erase(0, 2);
+      energy_limit = positive_argument(lmp, STYLE, "energy limit", arg[iarg + 2]);
+      iarg += 3;
+    } else if (strcmp(arg[iarg], "strain") == 0) {
+      require_arguments(lmp, STYLE, iarg, 1, narg, arg);
+      strain_limit = positive_argument(lmp, STYLE, "strain limit", arg[iarg + 1]);
+      iarg += 2;
+    } else if (strcmp(arg[iarg], "advice") == 0) {
+      require_arguments(lmp, STYLE, iarg, 1, narg, arg);
+      advised_step = positive_argument(lmp, STYLE, "advised step", arg[iarg + 1]);
+      iarg += 2;
+    } else {
+      error->all(FLERR, "Unknown {} keyword: {}", STYLE, arg[iarg]);
+    }
+  }
+  if (!atom->radius_flag || !atom->rmass_flag)
+    error->all(FLERR, "{} requires atom attributes radius and rmass", STYLE);
+  if (strcmp(arg[1], "all") != 0) error->all(FLERR, "{} requires group all", STYLE);
+  vector_flag = 1;
+  size_vector = 2;
+  global_freq = nevery;
+  extvector = 0;
+}
+
+int FixBlastWatch::setmask()
+{
+  return END_OF_STEP;
+}
+
+void FixBlastWatch::init()
+{
+  pair = static_cast<PairBlastContact *>(force->pair_match("blast/contact", 1));
+  if (energy_limit == 0.0) return;
+  const int variable = input->variable->find(energy_variable.c_str());
+  if (variable < 0 || !input->variable->equalstyle(variable))
+    error->all(FLERR, "{}: there is no equal-style variable {}", STYLE, energy_variable);
+}
+
+void FixBlastWatch::setup(int /*vflag*/)
+{
+  count_at_start = atom->natoms;
+  if (energy_limit > 0.0)
+    modify->addstep_compute_all((update->ntimestep / nevery) * nevery + nevery);
+}
+
+void FixBlastWatch::end_of_step()
+{
+  check_motion();
+  check_overlap();
+  check_count();
+  if (energy_limit > 0.0) check_energy();
+}
+
+void FixBlastWatch::check_motion() const
+{
+  for (int i = 0; i < atom->nlocal; i++) {
+    const Vector3 position(atom->x[i]), velocity(atom->v[i]), force(atom->f[i]);
+    const double speed = norm(velocity);
+    if (!std::isfinite(norm(position)) || !std::isfinite(speed) || !std::isfinite(norm(force)))
+      error->one(FLERR, "{}: position, velocity or force of atom {} is no number at time {:.10g}{}",
+                 STYLE, atom->tag[i], simulated_time(*update), advice());
+    if (speed * update->dt > atom->radius[i])
+      error->one(FLERR, "{}: atom {} moves by {:.3g} of its radius in a step at time {:.10g}{}",
+                 STYLE, atom->tag[i], speed * update->dt / atom->radius[i], simulated_time(*update),
+                 advice());
+  }
+}
+
+void FixBlastWatch::check_overlap()
+{
+  if (!pair) return;
+  const auto &contact = pair->deepest_contact();
+  deepest = contact.strain;
+  if (contact.strain > strain_limit)
+    error->one(FLERR, "{}: atoms {} and {} overlap by {:.3g} of their radii at time {:.10g}{}",
+               STYLE, contact.first, contact.second, contact.strain, simulated_time(*update),
+               advice());
+}
+
+void FixBlastWatch::check_count() const
+{
+  const bigint here = atom->nlocal;
+  bigint count = 0;
+  MPI_Allreduce(&here, &count, 1, MPI_LMP_BIGINT, MPI_SUM, world);
+  if (count != count_at_start)
+    error->all(FLERR, "{}: {} of {} atoms were lost by time {:.10g}{}", STYLE,
+               count_at_start - count, count_at_start, simulated_time(*update), advice());
+}
+
+void FixBlastWatch::check_energy()
+{
+  double here = 0.0, kinetic = 0.0;
+  for (int i = 0; i < atom->nlocal; i++) {
+    const Vector3 velocity(atom->v[i]);
+    here += 0.5 * atom->rmass[i] * dot(velocity, velocity);
+  }
+  MPI_Allreduce(&here, &kinetic, 1, MPI_DOUBLE, MPI_SUM, world);
+  largest_kinetic = std::max(largest_kinetic, kinetic);
+
+  modify->clearstep_compute();
+  created = input->variable->compute_equal(input->variable->find(energy_variable.c_str()));
+  modify->addstep_compute(update->ntimestep + nevery);
+  if (created <= energy_limit * largest_kinetic) return;
+  const tagint fastest = fastest_particle();
+  error->all(FLERR,
+             "{}: {:.4g} J came from nothing by time {:.10g}, with at most {:.4g} J in motion; the "
+             "fastest particle is atom {}{}",
+             STYLE, created, simulated_time(*update), largest_kinetic, fastest, advice());
+}
+
+tagint FixBlastWatch::fastest_particle() const
+{
+  struct {
+    double speed;
+    int rank;
+  } here{-1.0, 0}, everywhere{};
+  tagint fastest = 0;
+  for (int i = 0; i < atom->nlocal; i++) {
+    const double speed = norm(Vector3(atom->v[i]));
+    if (speed > here.speed) {
+      here.speed = speed;
+      fastest = atom->tag[i];
+    }
+  }
+  MPI_Comm_rank(world, &here.rank);
+  MPI_Allreduce(&here, &everywhere, 1, MPI_DOUBLE_INT, MPI_MAXLOC, world);
+  MPI_Bcast(&fastest, 1, MPI_LMP_TAGINT, everywhere.rank, world);
+  return fastest;
+}
+
+std::string FixBlastWatch::advice() const
+{
+  if (advised_step == 0.0) return ": try a smaller time step";
+  return fmt::format(": try a time step of {:.3g} s or less",
+                     std::min(advised_step, 0.5 * update->dt));
+}
+
+double FixBlastWatch::compute_vector(int n)
+{
+  if (n == 1) return largest_kinetic > 0.0 ? created / largest_kinetic : 0.0;
+  double everywhere = 0.0;
+  MPI_Allreduce(&deepest, &everywhere, 1, MPI_DOUBLE, MPI_MAX, world);
+  return everywhere;
+}

@@ -1,0 +1,41 @@
+// fix blast/watch: stops a run that has become unstable, and says where, when and what to try.
+
+#ifndef BLAST_STYLES_FIX_BLAST_WATCH_H
+#define BLAST_STYLES_FIX_BLAST_WATCH_H
+
+#include "fix.h"
+
+#include <string>
+
+namespace LAMMPS_NS {
+
+class FixBlastWatch : public Fix {
+public:
+  FixBlastWatch(class LAMMPS *, int, char **);
+
+  int setmask() override;
+  void init() override;
+  void setup(int) override;
+  void end_of_step() override;
+  double compute_vector(int) override;
+
+private:
+  void check_motion() const;
+  void check_overlap();
+  void check_count() const;
+  void check_energy();
+  tagint fastest_particle() const;
+  std::string advice() const;
+
+  double strain_limit = 0.9;
+  double energy_limit = 0.0; // part of the largest kinetic energy; zero: not watched
+  double advised_step = 0.0;
+  std::string energy_variable;
+  class PairBlastContact *pair = nullptr;
+  bigint count_at_start = 0;
+  double largest_kinetic = 0.0, created = 0.0, deepest = 0.0;
+};
+
+} // namespace LAMMPS_NS
+
+#endif

@@ -1,0 +1,43 @@
+// Direct summation of the near field over all pairs of some particles, in vector loops.
+
+#ifndef BLAST_STYLES_NEAR_FIELD_SUM_H
+#define BLAST_STYLES_NEAR_FIELD_SUM_H
+
+#include "near_field.h"
+
+#include <vector>
+
+namespace LAMMPS_NS {
+
+// Particles by columns.
+struct FieldSources {
+  std::vector<double> x, y, z;
+  std::vector<double> factor; // of alpha_ij = alpha * factor_i * factor_j
+
+  void resize(size_t count);
+  void set(size_t k, const double *position, double factor);
+};
+
+// A run of consecutive particles.
+struct Range {
+  int begin, end;
+};
+
+// Forces per factor of the particle that they act on: its own factor is still to be multiplied.
+struct FieldForces {
+  std::vector<double> x, y, z;
+
+  void clear(size_t count);
+};
+
+// Adds what the particles of a range do to each other; returns the smallest square of a distance.
+double sum_among(const blast::NearField &, const FieldSources &, Range, FieldForces &);
+
+// Adds what the sources of a range do to the targets of another; the two do not overlap. Returns
+// the smallest square of a distance.
+double sum_from(const blast::NearField &, const FieldSources &targets, Range target_range,
+                const FieldSources &sources, Range source_range, FieldForces &on_targets);
+
+} // namespace LAMMPS_NS
+
+#endif

@@ -1,0 +1,458 @@
+#include "pair_blast_contact.h"
+
+#include "contact.h"
+#include "contact_energy.h"
+#include "fix_blast_bonds.h"
+#include "simulated_time.h"
+#include "style_arguments.h"
+
+#include "atom.h"
+#include "comm.h"
+#include "error.h"
+#include "force.h"
+#include "memory.h"
+#include "modify.h"
+#include "neigh_list.h"
+#include "neighbor.h"
+#include "update.h"
+#include "utils.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+using namespace LAMMPS_NS;
+using blast::Vector3;
+
+static constexpr char STYLE[] = "Pair blast/contact";
+static constexpr char BONDS_FIX[] = "BLAST_BONDS";
+
+PairBlastContact::PairBlastContact(LAMMPS *lmp) : Pair(lmp)
+{
+  finitecutflag = 1;
+  no_virial_fdotr_compute = 1;
+  restartinfo = 1;
+  single_enable = 1;
+  nextra = EXTRAS;
+  pvector = new double[EXTRAS]();
+}
+
+PairBlastContact::~PairBlastContact()
+{
+  delete[] pvector;
+  if (copymode) return;
+  if (bonds) modify->delete_fix(BONDS_FIX);
+  if (allocated) {
+    memory->destroy(setflag);
+    memory->destroy(cutsq);
+  }
+}
+
+void PairBlastContact::allocate()
+{
+  allocated = 1;
+  types = atom->ntypes;
+  memory->create(setflag, types + 1, types + 1, "pair:setflag");
+  memory->create(cutsq, types + 1, types + 1, "pair:cutsq");
+  for (int i = 0; i <= types; i++)
+    for (int j = 0; j <= types; j++) setflag[i][j] = 0;
+  laws.assign((types + 1) * (types + 1), ContactLaw());
+}
+
+void PairBlastContact::settings(int narg, char **arg)
+{
+  if (narg == 0) return;
+  if (narg != 2 || strcmp(arg[0], "rotation") != 0)
+    error->all(FLERR, "{} takes no settings but: rotation yes or no", STYLE);
+  rotation = utils::logical(FLERR, arg[1], false, lmp) == 1;
+}
+
+void PairBlastContact::coeff(int narg, char **arg)
+{
+  if (narg < 2) utils::missing_cmd_args(FLERR, "pair_coeff", error);
+  if (!allocated) allocate();
+  int ilo, ihi, jlo, jhi;
+  utils::bounds(FLERR, arg[0], 1, types, ilo, ihi, error);
+  utils::bounds(FLERR, arg[1], 1, types, jlo, jhi, error);
+  const ContactLaw given = law_of_words(narg, arg);
+
+  int count = 0;
+  for (int i = ilo; i <= ihi; i++)
+    for (int j = std::max(jlo, i); j <= jhi; j++) {
+      law(i, j) = law(j, i) = given;
+      setflag[i][j] = 1;
+      count++;
+    }
+  if (count == 0) error->all(FLERR, "Incorrect args for pair coefficients");
+}
+
+ContactLaw PairBlastContact::law_of_words(int narg, char **arg)
+{
+  ContactLaw law;
+  double softening[4];
+  bool softens = false, exponent_given = false;
+  const auto require = [&](int iarg, int values) {
+    require_arguments(lmp, STYLE, iarg, values, narg, arg);
+  };
+  const auto not_negative = [&](int iarg, const char *what) {
+    return non_negative_argument(lmp, STYLE, what, arg[iarg]);
+  };
+  const auto positive = [&](int iarg, const char *what) {
+    return positive_argument(lmp, STYLE, what, arg[iarg]);
+  };
+
+  int iarg = 2;
+  while (iarg < narg) {
+    if (strcmp(arg[iarg], "stiffness") == 0) {
+      require(iarg, 1);
+      law.stiffness = positive(iarg + 1, "stiffness");
+      iarg += 2;
+    } else if (strcmp(arg[iarg], "exponent") == 0) {
+      require(iarg, 1);
+      law.exponent = blast::Power(not_negative(iarg + 1, "exponent"));
+      exponent_given = true;
+      iarg += 2;
+    } else if (strcmp(arg[iarg], "damping") == 0) {
+      require(iarg, 1);
+      law.damping = not_negative(iarg + 1, "damping");
+      iarg += 2;
+    } else if (strcmp(arg[iarg], "friction") == 0) {
+      require(iarg, 3);
+      law.friction.stiffness = positive(iarg + 1, "friction stiffness");
+      law.friction.static_coefficient = not_negative(iarg + 2, "static friction");
+      law.friction.dynamic_coefficient = not_negative(iarg + 3, "dynamic friction");
+      iarg += 4;
+    } else if (strcmp(arg[iarg], "bond") == 0) {
+      require(iarg, 5);
+      law.bond.stiffness = not_negative(iarg + 1, "bond stiffness");
+      law.bond.exponent = blast::Power(not_negative(iarg + 2, "bond exponent"));
+      law.bond.activation_strain = positive(iarg + 3, "bond activation strain");
+      law.bond.tangential_stiffness = not_negative(iarg + 4, "bond tangential stiffness");
+      if (strcmp(arg[iarg + 5], "contact") != 0 && strcmp(arg[iarg + 5], "none") != 0)
+        error->all(FLERR, "{} bond memory must be contact or none: {}", STYLE, arg[iarg + 5]);
+      law.bond.lasts = strcmp(arg[iarg + 5], "contact") == 0;
+      iarg += 6;
+    } else if (strcmp(arg[iarg], "thermal") == 0) {
+      require(iarg, 4);
+      softening[0] = not_negative(iarg + 1, "temperature");
+      softening[1] = positive(iarg + 2, "reference temperature");
+      softening[2] = finite_argument(lmp, STYLE, arg[iarg + 3]);
+      softening[3] = positive(iarg + 4, "stiffness floor");
+      softens = true;
+      iarg += 5;
+    } else {
+      error->all(FLERR, "Unknown {} keyword: {}", STYLE, arg[iarg]);
+    }
+  }
+
+  if (law.stiffness == 0.0 || !exponent_given)
+    error->all(FLERR, "{} needs the keywords stiffness and exponent", STYLE);
+  if (softens)
+    law.stiffness = blast::softened_stiffness(law.stiffness, softening[0], softening[1],
+                                              softening[2], softening[3]);
+  return law;
+}
+
+void PairBlastContact::init_style()
+{
+  if (strcmp(update->unit_style, "si") != 0) error->all(FLERR, "{} requires units si", STYLE);
+  if (!atom->radius_flag) error->all(FLERR, "{} requires atom attribute radius", STYLE);
+  if (rotation && (!atom->omega_flag || !atom->torque_flag))
+    error->all(FLERR, "{} with rotation requires atom attributes omega and torque", STYLE);
+  neighbor->add_request(this, NeighConst::REQ_SIZE | NeighConst::REQ_NEWTON_OFF);
+
+  std::vector<double> here(types + 1, 0.0);
+  for (int i = 0; i < atom->nlocal; i++)
+    here[atom->type[i]] = std::max(here[atom->type[i]], atom->radius[i]);
+  largest_radius.resize(types + 1);
+  MPI_Allreduce(here.data(), largest_radius.data(), types + 1, MPI_DOUBLE, MPI_MAX, world);
+}
+
+double PairBlastContact::init_one(int i, int j)
+{
+  if (!setflag[i][j]) law(i, j) = law(j, i) = mixed(i, j);
+  const ContactLaw &between = law(i, j);
+  if (between.needs_velocities() && !comm->ghost_velocity)
+    error->all(FLERR, "{} with damping, friction or bonds requires: comm_modify vel yes", STYLE);
+  if (between.bond.acts() && between.bond.lasts && !bonds) {
+    if (!atom->tag_enable) error->all(FLERR, "{} with bonds requires atom IDs", STYLE);
+    if (modify->get_fix_by_id(BONDS_FIX))
+      error->all(FLERR, "{} with bonds may be used only once", STYLE);
+    bonds =
+        static_cast<FixBlastBonds *>(modify->add_fix(std::string(BONDS_FIX) + " all BLAST/BONDS"));
+  }
+  return largest_radius[i] + largest_radius[j];
+}
+
+// Between two types without a law of their own, stiffness is the mean (eq. 7.20); the paper gives
+// no rule for the rest, which must agree.
+ContactLaw PairBlastContact::mixed(int itype, int jtype)
+{
+  if (!setflag[itype][itype] || !setflag[jtype][jtype])
+    error->all(FLERR, "All pair coeffs are not set");
+  const ContactLaw &a = law(itype, itype), &b = law(jtype, jtype);
+  const bool agree = a.exponent.exponent == b.exponent.exponent && a.damping == b.damping &&
+                     a.friction.stiffness == b.friction.stiffness &&
+                     a.friction.static_coefficient == b.friction.static_coefficient &&
+                     a.friction.dynamic_coefficient == b.friction.dynamic_coefficient &&
+                     a.bond.stiffness == b.bond.stiffness &&
+                     a.bond.exponent.exponent == b.bond.exponent.exponent &&
+                     a.bond.activation_strain == b.bond.activation_strain &&
+                     a.bond.tangential_stiffness == b.bond.tangential_stiffness &&
+                     a.bond.lasts == b.bond.lasts;
+  if (!agree)
+    error->all(FLERR, "{} mixes stiffness only: give a pair_coeff for types {} and {}", STYLE,
+               itype, jtype);
+  ContactLaw mixed = a;
+  mixed.stiffness = blast::pair_stiffness(a.stiffness, b.stiffness);
+  return mixed;
+}
+
+void PairBlastContact::compute(int eflag, int vflag)
+{
+  ev_init(eflag, vflag);
+  std::fill(pvector, pvector + EXTRAS, 0.0);
+  contacts.clear();
+  deepest = DeepestContact();
+
+  double **x = atom->x;
+  const double *radius = atom->radius;
+  const int *type = atom->type;
+
+  for (int ii = 0; ii < list->inum; ii++) {
+    const int i = list->ilist[ii];
+    const Vector3 position(x[i]);
+    const double radius_i = radius[i];
+    const ContactLaw *laws_of_i = &law(type[i], 0);
+    const bool had_bonds = bonds && bonds->has_any(i);
+    const int *neighbours = list->firstneigh[i];
+    for (int jj = 0; jj < list->numneigh[i]; jj++) {
+      const int j = neighbours[jj] & NEIGHMASK;
+      const Vector3 offset = Vector3(x[j]) - position;
+      const double square = dot(offset, offset), reach = radius_i + radius[j];
+      if (square > reach * reach) {
+        if (had_bonds) separate(i, j);
+        continue;
+      }
+      if (square == 0.0) stop_at_coincidence(i, j);
+      const ContactLaw &between = laws_of_i[type[j]];
+      const Contact contact = contact_between(i, j, offset, std::sqrt(square), between);
+      add_forces(contact);
+      if (evflag) tally(contact, between);
+      if (keeps_contacts) contacts.push_back(contact);
+      if (contact.strain > deepest.strain) deepest = {contact.strain, atom->tag[i], atom->tag[j]};
+    }
+  }
+}
+
+Contact PairBlastContact::contact_between(int i, int j, const Vector3 &offset, double distance,
+                                          const ContactLaw &law)
+{
+  const double radius_i = atom->radius[i], radius_j = atom->radius[j];
+  Contact contact;
+  contact.i = i;
+  contact.j = j;
+  contact.distance = distance;
+  contact.normal = (1.0 / distance) * offset;
+  contact.strain = std::max(0.0, blast::contact_strain(distance, radius_i, radius_j));
+  contact.area = std::max(0.0, blast::lens_area(distance, radius_i, radius_j));
+  contact.elastic = normal_force(law.stiffness, law.exponent, contact.strain, contact.area);
+  contact.bonded = law.bond.acts() && decide_bond(contact, law);
+  if (contact.bonded) contact.bond = bond_force(law.bond, contact.strain, contact.area);
+  if (!law.needs_velocities()) return contact;
+
+  Vector3 spin_i, spin_j;
+  if (rotation) {
+    contact.arm_i = blast::lens_arm(distance, radius_i, radius_j);
+    contact.arm_j = distance - contact.arm_i;
+    spin_i = Vector3(atom->omega[i]);
+    spin_j = Vector3(atom->omega[j]);
+  }
+  const Vector3 relative = Vector3(atom->v[j]) - Vector3(atom->v[i]);
+  contact.damping = blast::damping_force(law.damping, dot(relative, contact.normal), contact.area);
+  const Vector3 slip =
+      slip_velocity(relative, spin_i, spin_j, contact.arm_i, contact.arm_j, contact.normal);
+  const double slip_speed = norm(slip);
+  if (slip_speed == 0.0) return contact;
+  contact.tangent = (1.0 / slip_speed) * slip;
+  if (law.friction.acts())
+    contact.friction =
+        friction_force(law.friction, slip_speed, contact.area, update->dt, contact.elastic);
+  if (contact.bonded)
+    contact.bond_friction =
+        blast::stick_force(law.bond.tangential_stiffness, slip_speed, contact.area, update->dt);
+  return contact;
+}
+
+// Tells whether a contact is bonded, and remembers it where bonds last.
+bool PairBlastContact::decide_bond(const Contact &contact, const ContactLaw &law)
+{
+  const tagint *tag = atom->tag;
+  const int i = contact.i, j = contact.j;
+  const bool was_bonded = bonds && bonds->has(i, tag[j]);
+  const bool bonded = is_bonded(law.bond, contact.strain, was_bonded);
+  if (bonded && !was_bonded && law.bond.lasts) {
+    bonds->form(i, tag[j]);
+    if (j < atom->nlocal) bonds->form(j, tag[i]);
+    formation_heat -= share(contact) * bond_energy(contact, law);
+  }
+  return bonded;
+}
+
+void PairBlastContact::separate(int i, int j)
+{
+  const tagint *tag = atom->tag;
+  bonds->forget(i, tag[j]);
+  if (j < atom->nlocal) bonds->forget(j, tag[i]);
+}
+
+void PairBlastContact::add_forces(const Contact &contact)
+{
+  const int i = contact.i, j = contact.j;
+  const bool owns_j = j < atom->nlocal;
+  const Vector3 force = contact.force_on_i();
+  (Vector3(atom->f[i]) + force).store(atom->f[i]);
+  if (owns_j) (Vector3(atom->f[j]) - force).store(atom->f[j]);
+  if (!rotation) return;
+
+  const Vector3 turning = cross(contact.normal, force);
+  (Vector3(atom->torque[i]) + contact.arm_i * turning).store(atom->torque[i]);
+  if (owns_j) (Vector3(atom->torque[j]) + contact.arm_j * turning).store(atom->torque[j]);
+}
+
+double PairBlastContact::share(const Contact &contact) const
+{
+  return contact.j < atom->nlocal ? 1.0 : 0.5;
+}
+
+double PairBlastContact::contact_energy(const Contact &contact, const ContactLaw &law) const
+{
+  return law.stiffness * blast::lens_work(law.exponent.exponent, contact.distance,
+                                          atom->radius[contact.i], atom->radius[contact.j]);
+}
+
+// Zero at touch for a bond that lasts until then, else zero at the strain that activates it.
+double PairBlastContact::bond_energy(const Contact &contact, const ContactLaw &law) const
+{
+  const double radius_i = atom->radius[contact.i], radius_j = atom->radius[contact.j];
+  const double exponent = law.bond.exponent.exponent;
+  double work = blast::lens_work(exponent, contact.distance, radius_i, radius_j);
+  if (!law.bond.lasts) {
+    const double activation = (radius_i + radius_j) * (1.0 - law.bond.activation_strain);
+    work -= blast::lens_work(exponent, activation, radius_i, radius_j);
+  }
+  return -law.bond.stiffness * work;
+}
+
+void PairBlastContact::tally(const Contact &contact, const ContactLaw &law)
+{
+  double elastic = 0.0, bond = 0.0;
+  if (eflag_either) {
+    elastic = contact_energy(contact, law);
+    if (contact.bonded) bond = bond_energy(contact, law);
+    const double part = share(contact);
+    pvector[CONTACT_ENERGY] += part * elastic;
+    pvector[BOND_ENERGY] += part * bond;
+    pvector[CONTACTS] += part;
+    if (contact.bonded) pvector[BONDS] += part;
+  }
+  const Vector3 force = contact.force_on_i(), offset = (-contact.distance) * contact.normal;
+  ev_tally_xyz(contact.i, contact.j, atom->nlocal, 0, elastic + bond, 0.0, force.x, force.y,
+               force.z, offset.x, offset.y, offset.z);
+}
+
+// The forces that do not depend on velocities.
+double PairBlastContact::single(int i, int j, int itype, int jtype, double square,
+                                double /*factor_coul*/, double /*factor_lj*/, double &fforce)
+{
+  const double radius_i = atom->radius[i], radius_j = atom->radius[j];
+  const double distance = std::sqrt(square);
+  fforce = 0.0;
+  if (distance > radius_i + radius_j || distance == 0.0) return 0.0;
+
+  const ContactLaw &between = law(itype, jtype);
+  Contact contact;
+  contact.i = i;
+  contact.j = j;
+  contact.distance = distance;
+  contact.strain = blast::contact_strain(distance, radius_i, radius_j);
+  const double area = blast::lens_area(distance, radius_i, radius_j);
+  double energy = contact_energy(contact, between);
+  fforce = normal_force(between.stiffness, between.exponent, contact.strain, area) / distance;
+  const bool was_bonded = bonds && i < atom->nlocal && bonds->has(i, atom->tag[j]);
+  if (between.bond.acts() && is_bonded(between.bond, contact.strain, was_bonded)) {
+    energy += bond_energy(contact, between);
+    fforce -= bond_force(between.bond, contact.strain, area) / distance;
+  }
+  return energy;
+}
+
+void PairBlastContact::stop_at_coincidence(int i, int j)
+{
+  error->one(FLERR, "{}: the centres of atoms {} and {} coincide at time {:.10g}", STYLE,
+             atom->tag[i], atom->tag[j], simulated_time(*update));
+}
+
+void PairBlastContact::write_restart_settings(FILE *fp)
+{
+  const int on = rotation ? 1 : 0;
+  fwrite(&on, sizeof(int), 1, fp);
+}
+
+void PairBlastContact::read_restart_settings(FILE *fp)
+{
+  int on = 0;
+  if (comm->me == 0) utils::sfread(FLERR, &on, sizeof(int), 1, fp, nullptr, error);
+  MPI_Bcast(&on, 1, MPI_INT, 0, world);
+  rotation = on == 1;
+}
+
+void PairBlastContact::write_restart(FILE *fp)
+{
+  write_restart_settings(fp);
+  for (int i = 1; i <= types; i++)
+    for (int j = i; j <= types; j++) {
+      fwrite(&setflag[i][j], sizeof(int), 1, fp);
+      if (!setflag[i][j]) continue;
+      const ContactLaw &a = law(i, j);
+      const double numbers[] = {a.stiffness,
+                                a.exponent.exponent,
+                                a.damping,
+                                a.friction.stiffness,
+                                a.friction.static_coefficient,
+                                a.friction.dynamic_coefficient,
+                                a.bond.stiffness,
+                                a.bond.exponent.exponent,
+                                a.bond.activation_strain,
+                                a.bond.tangential_stiffness,
+                                a.bond.lasts ? 1.0 : 0.0};
+      fwrite(numbers, sizeof(numbers), 1, fp);
+    }
+}
+
+void PairBlastContact::read_restart(FILE *fp)
+{
+  read_restart_settings(fp);
+  allocate();
+  for (int i = 1; i <= types; i++)
+    for (int j = i; j <= types; j++) {
+      double numbers[11];
+      if (comm->me == 0) utils::sfread(FLERR, &setflag[i][j], sizeof(int), 1, fp, nullptr, error);
+      MPI_Bcast(&setflag[i][j], 1, MPI_INT, 0, world);
+      if (!setflag[i][j]) continue;
+      if (comm->me == 0) utils::sfread(FLERR, numbers, sizeof(numbers), 1, fp, nullptr, error);
+      MPI_Bcast(numbers, 11, MPI_DOUBLE, 0, world);
+      ContactLaw a;
+      a.stiffness = numbers[0];
+      a.exponent = blast::Power(numbers[1]);
+      a.damping = numbers[2];
+      a.friction = {numbers[3], numbers[4], numbers[5]};
+      a.bond = {numbers[6], blast::Power(numbers[7]), numbers[8], numbers[9], numbers[10] != 0.0};
+      law(i, j) = law(j, i) = a;
+    }
+}
+
+double PairBlastContact::memory_usage()
+{
+  return Pair::memory_usage() + static_cast<double>(contacts.capacity() * sizeof(Contact));
+}

@@ -1,0 +1,90 @@
+"""What is wrong with the interactions of a case, before it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from lammps_blast import interactions
+from lammps_blast.case import Bond, Case, CaseError, Contact, NearField
+from lammps_blast.interactions import LARGEST_STRAIN
+from lammps_blast.pairs import (
+    PairKinds,
+    equilibrium_overlaps,
+    near_field_law,
+    near_field_sources,
+    pair_kinds,
+    softened_stiffness,
+)
+from lammps_blast.particles import Particles
+
+
+def check_near_field(case: Case, particles: Particles) -> None:
+    """Refuse a near field that presses particles together beyond what the contact can carry.
+
+    Raises
+    ------
+    CaseError
+        If some pair has no equilibrium at any strain below one half.
+    """
+    if case.contact is None or case.near_field is None or len(particles) < 2:
+        return
+    sources = near_field_sources(
+        case, particles.radius, particles.mass, particles.charge, particles.sign
+    )
+    pairs = pair_kinds(particles.radius, particles.mass, sources)
+    law = near_field_law(case.near_field)
+    overlaps = equilibrium_overlaps(case.contact, law, pairs)
+    for pair, overlap in zip(pairs, overlaps, strict=True):
+        if overlap is None:
+            raise CaseError(_diverges(case.near_field, case.contact, pair))
+
+
+def _diverges(near_field: NearField, contact: Contact, pair: PairKinds) -> str:
+    # Between particles of unlike sign the repulsion is what attracts.
+    term = "attraction" if pair.source_product > 0.0 else "repulsion"
+    strength = getattr(near_field, term).strength
+    law = near_field_law(near_field)
+    force = interactions.near_field_force(pair.reach, pair.source_product, law)
+    stiffness = "youngs_modulus" if contact.stiffness is None else "stiffness"
+    return (
+        f"near_field.{term}.strength: the near field presses two particles of radii "
+        f"{pair.radius_i:g} and {pair.radius_j:g} m together, with {force:.3g} N at touch, and "
+        f"their contact resists it at no strain below {LARGEST_STRAIN:g}; take a smaller strength "
+        f"or a larger contact.{stiffness}, got {strength!r}"
+    )
+
+
+def case_warnings(case: Case, particles: Particles) -> Iterator[str]:
+    """Yield what of a case's interactions is allowed, but hardly meant."""
+    diameter = 2.0 * float(particles.radius.max())
+    near_field = case.near_field
+    if near_field is not None and near_field.cutoff != "all" and near_field.cutoff < diameter:
+        yield (
+            f"near_field.cutoff {near_field.cutoff:g} m is smaller than a particle diameter of "
+            f"{diameter:g} m: such particles feel their near field only where they overlap"
+        )
+    bond, contact = case.bond, case.contact
+    if bond is not None and contact is not None and not can_bond_pull(bond, contact):
+        yield (
+            f"bond.stiffness {bond.stiffness:g} N/m2 with exponent {bond.exponent:g}: "
+            "the bond cannot pull at any overlap, because the contact, with "
+            f"{softened_stiffness(contact):g} N/m2 and exponent {contact.exponent:g}, "
+            "always pushes harder; bonds only soften contacts"
+        )
+
+
+def can_bond_pull(bond: Bond, contact: Contact) -> bool:
+    """Tell whether a bond is stronger than the contact at some strain at which it acts.
+
+    K_nb E^p_b > K_p E^p_p, whose two sides cross at most once, so the ends of the range decide.
+    """
+    assert contact.exponent is not None
+    stiffness, exponent = softened_stiffness(contact), contact.exponent
+    least = bond.activation_strain if bond.memory == "none" else 0.0
+    if bond.stiffness == 0.0:
+        return False
+    with np.errstate(divide="ignore"):
+        at_least = bond.stiffness * np.power(least, bond.exponent - exponent)
+    return bool(max(at_least, bond.stiffness) > stiffness)

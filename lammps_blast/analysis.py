@@ -421,16 +421,24 @@ class Together(AnalysisBase):
 class EnergyLedger:
     """The energy ledger of a run (`energy.csv`), each account an array of shape (T,) in joules.
 
-    `electric_work`, `drag_loss` and `magnetic_work` are cumulative since the pulse. Physics has no
-    magnetic work; what stands in that column is an error of the time integration.
+    Works and losses are cumulative since the pulse. Physics has no magnetic work; what stands in
+    that column is an error of the time integration. Stock contact laws keep no potential and no
+    channels: all that their forces took is in `contact_loss`, what springs hold included.
     """
 
     times: np.ndarray
     kinetic: np.ndarray
     rotational: np.ndarray
+    contact_energy: np.ndarray
+    bond_energy: np.ndarray
+    near_field_energy: np.ndarray
     electric_work: np.ndarray
     drag_loss: np.ndarray
     magnetic_work: np.ndarray
+    contact_loss: np.ndarray
+    friction_loss: np.ndarray
+    bond_friction_loss: np.ndarray
+    bond_formation_loss: np.ndarray
 
     @property
     def launch_energy(self) -> float:
@@ -438,16 +446,35 @@ class EnergyLedger:
         return float(self.kinetic[0] + self.rotational[0])
 
     @property
+    def potential(self) -> np.ndarray:
+        """Energy held by contacts, bonds and the near field (T,), J."""
+        return self.contact_energy + self.bond_energy + self.near_field_energy
+
+    @property
+    def interaction_loss(self) -> np.ndarray:
+        """Energy lost between particles (T,), J."""
+        lost = self.contact_loss + self.friction_loss
+        return lost + self.bond_friction_loss + self.bond_formation_loss
+
+    @property
     def turnover(self) -> float:
         """Largest amount of energy in any account, J: what an error of the ledger is a part of."""
-        accounts = (self.kinetic, self.rotational, self.electric_work, self.drag_loss)
+        accounts = (
+            self.kinetic,
+            self.rotational,
+            self.electric_work,
+            self.drag_loss,
+            self.potential - self.potential[0],
+            self.interaction_loss,
+        )
         return float(max(np.abs(account).max() for account in accounts))
 
     @property
     def residual(self) -> np.ndarray:
-        """Launch energy + work of E - drag loss - kinetic energy (T,), J; zero if all is right."""
-        present = self.kinetic + self.rotational
-        return self.launch_energy + self.electric_work - self.drag_loss - present
+        """What the other accounts leave of the energy at launch (T,), J; zero if all is right."""
+        present = self.kinetic + self.rotational + self.potential
+        gained = self.electric_work - self.drag_loss - self.interaction_loss
+        return self.launch_energy + self.potential[0] + gained - present
 
     @classmethod
     def read(cls, path: Path) -> EnergyLedger:

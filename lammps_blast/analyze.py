@@ -35,14 +35,8 @@ from lammps_blast.analysis import (
 )
 from lammps_blast.case import Case, CaseError, load_case
 from lammps_blast.clumps import CLUMP_NUMBERS, Clumps, PairDistances
-from lammps_blast.contacts import (
-    CONTACT_DUMP,
-    CONTACT_NUMBERS,
-    ContactFrames,
-    Contacts,
-    close_pairs,
-)
-from lammps_blast.deck import CASE, ENERGY_TABLE
+from lammps_blast.contacts import CONTACT_NUMBERS, ContactFrames, Contacts, close_pairs
+from lammps_blast.deck import CASE, CONTACT_TABLE, ENERGY_ACCOUNTS, ENERGY_TABLE
 from lammps_blast.engine import LOG
 from lammps_blast.spheroid import SpheroidTheory
 from lammps_blast.trajectory import TrajectoryError, find_trajectory, open_universe
@@ -69,6 +63,7 @@ DISTANCE_FRAMES = 3
 
 # What a run must keep to, as parts of the energy turned over or of the envelope's size.
 LEDGER_LIMIT = 1e-6
+INTERACTING_LEDGER_LIMIT = 1e-3
 MAGNETIC_WORK_LIMIT = 1e-6
 SPHEROID_LIMIT = 1e-6
 
@@ -145,7 +140,7 @@ def analyze(
     clumps = contacts = distances = None
     if _particles_meet(universe, case):
         clumps, distances = Clumps(universe, axis=envelope.axis), PairDistances(universe)
-        contacts = Contacts(universe, _recorded_contacts(folder))
+        contacts = Contacts(universe, _recorded_contacts(folder) if case else None)
     Together(*filter(None, (envelope, speeds, energy, clumps, contacts))).run()
     if distances:
         distances.run(frames=_spread_over(len(universe.trajectory), DISTANCE_FRAMES))
@@ -185,7 +180,7 @@ def _particles_meet(universe: Universe, case: Case | None) -> bool:
 
 def _recorded_contacts(folder: Path) -> ContactFrames | None:
     """Return the contacts that a run wrote; None if it wrote none."""
-    dump = folder / CONTACT_DUMP
+    dump = folder / CONTACT_TABLE
     if not dump.is_file():
         return None
     recorded = ContactFrames(dump)
@@ -209,7 +204,8 @@ def _checks(
 ) -> dict[str, Check]:
     checks = {}
     if ledger and (scale := ledger.turnover) > 0.0:
-        checks["energy_ledger"] = Check(_largest(ledger.residual) / scale, LEDGER_LIMIT)
+        limit = INTERACTING_LEDGER_LIMIT if case and case.interacts else LEDGER_LIMIT
+        checks["energy_ledger"] = Check(_largest(ledger.residual) / scale, limit)
         checks["magnetic_work"] = Check(_largest(ledger.magnetic_work) / scale, MAGNETIC_WORK_LIMIT)
     if isinstance(expected, SpheroidTheory):
         if ledger and case and not any((*case.fields.electric, *case.medium.velocity)):
@@ -305,9 +301,7 @@ def _energy_summary(analyses: Analyses) -> dict[str, Any]:
         }
     if ledger:
         summary |= {
-            "electric_work": float(ledger.electric_work[-1]),
-            "drag_loss": float(ledger.drag_loss[-1]),
-            "magnetic_work": float(ledger.magnetic_work[-1]),
+            **{account: float(getattr(ledger, account)[-1]) for account in ENERGY_ACCOUNTS[2:]},
             "largest_residual": _largest(ledger.residual),
         }
     return summary
@@ -342,7 +336,7 @@ def _clump_summary(clumps: Clumps) -> dict[str, Any]:
         "pieces_first": int(results.pieces[0]),
         "pieces_last": int(results.pieces[-1]),
         "clumps": int(results.clumps[-1]),
-        "largest": float(results.largest[-1]),
+        "largest": _count(results.largest[-1]),
         "largest_fraction": float(results.largest_fraction[-1]),
         "mean_size": float(results.mean_size[-1]),
         "mass_mean_size": float(results.mass_mean_size[-1]),
@@ -360,9 +354,9 @@ def _contact_summary(contacts: Contacts) -> dict[str, Any]:
     results = contacts.results
     summary = {
         "source": "recorded" if contacts.recorded else "positions and radii",
-        "first": float(results.contacts[0]),
-        "last": float(results.contacts[-1]),
-        "most": _largest_known(results.contacts),
+        "first": _count(results.contacts[0]),
+        "last": _count(results.contacts[-1]),
+        "most": _count(_largest_known(results.contacts)),
         "coordination": float(results.coordination[-1]),
         "largest_strain": _largest_known(results.largest_strain),
     }
@@ -371,6 +365,10 @@ def _contact_summary(contacts: Contacts) -> dict[str, Any]:
     if results.bonded_fraction is not None:
         summary["bonded_fraction"] = float(results.bonded_fraction[-1])
     return summary
+
+
+def _count(value: float) -> int | None:
+    return int(value) if math.isfinite(value) else None
 
 
 def _median(values: np.ndarray) -> float:
@@ -478,12 +476,12 @@ def _clump_report(summary: Mapping[str, Any]) -> list[str]:
         f" {clumps['clumps']} of them clumps of two or more"
     )
     if clumps["largest"] is not None:
-        pieces += f"; the largest holds {clumps['largest']:.0f} particles"
+        pieces += f"; the largest holds {clumps['largest']} particles"
     if contacts["first"] is None or contacts["last"] is None:
         return [pieces]
     touching = (
-        f"  {contacts['first']:.0f} contacts -> {contacts['last']:.0f},"
-        f" at most {contacts['most']:.0f}; largest strain {contacts['largest_strain']:.3g}"
+        f"  {contacts['first']} contacts -> {contacts['last']},"
+        f" at most {contacts['most']}; largest strain {contacts['largest_strain']:.3g}"
     )
     return [pieces, touching]
 

@@ -31,8 +31,6 @@ from scipy.spatial import cKDTree
 from lammps_blast.analysis import AnalysisError, Cloud
 from lammps_blast.trajectory import TrajectoryError
 
-CONTACT_DUMP = "contacts.lammpsdump"
-
 HEADER = re.compile(
     rb"(?:ITEM: UNITS\s*\n[^\n]*\n)?"
     rb"(?:ITEM: TIME\s*\n(?P<time>[^\n]*)\n)?"

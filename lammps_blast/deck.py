@@ -13,8 +13,30 @@ from pathlib import Path
 
 import numpy as np
 
-from lammps_blast.case import Case, CaseError, ParticlesFromFile, dump_case, load_case
+from lammps_blast.case import (
+    Case,
+    CaseError,
+    PackedParticles,
+    ParticlesFromFile,
+    dump_case,
+    load_case,
+)
+from lammps_blast.interaction_warnings import check_near_field
+from lammps_blast.pair_commands import (
+    CONTACT_STYLE,
+    NEAR_FIELD_STYLE,
+    SIGN_FIX,
+    SIGN_PROPERTY,
+    SIGN_SECTION,
+    number,
+    numbers,
+    pair_commands,
+    pair_styles,
+    uses_signs,
+)
 from lammps_blast.particles import Particles, create_particles
+from lammps_blast.relaxation import relaxation_commands
+from lammps_blast.step_advice import advised_step
 
 DECK = "in.blast"
 PARTICLE_DATA = "particles.data"
@@ -23,6 +45,7 @@ PARTICLE_TABLE = "particles.csv"
 ENERGY_TABLE = "energy.csv"
 RESTART_FOLDER = "restart"
 RESTARTS = tuple(f"{RESTART_FOLDER}/blast.{name}" for name in ("1", "2", "interrupted"))
+CONTACT_TABLE = "contacts.lammpsdump"
 TEXT_TRAJECTORY = "trajectory.lammpstrj"
 BINARY_TRAJECTORY = "trajectory.lammpsbin"  # LAMMPS writes binary for .bin and .lammpsbin
 TRAJECTORIES = {"text": TEXT_TRAJECTORY, "binary": BINARY_TRAJECTORY}
@@ -30,14 +53,28 @@ TRAJECTORIES = {"text": TEXT_TRAJECTORY, "binary": BINARY_TRAJECTORY}
 # Part of the cloud's first width: narrower than the share of one among dozens of ranks in a row,
 # even where a magnetic field draws the cloud together to a fraction of that width.
 SKIN_OF_CLOUD = 0.005
+# Part of the smallest diameter: wide enough that lists last for many steps, narrow enough that they
+# hold few pairs that do not touch.
+SKIN_OF_CONTACT = 0.2
 
 ENERGY_ACCOUNTS = (
     "kinetic",
     "rotational",
+    "contact_energy",
+    "bond_energy",
+    "near_field_energy",
     "electric_work",
     "drag_loss",
     "magnetic_work",
+    "contact_loss",
+    "friction_loss",
+    "bond_friction_loss",
+    "bond_formation_loss",
 )
+# Steps between two looks for numbers gone wild, and the part of the largest kinetic energy that may
+# come from nothing before a run is stopped.
+WATCH_EVERY = 10
+ENERGY_FROM_NOTHING = 0.1
 
 
 def write_deck(case: Case, particles: Particles, folder: Path) -> None:
@@ -88,7 +125,7 @@ def write_particle_data(particles: Particles, path: Path) -> None:
             f"LAMMPS data file of {count} spheres, SI units\n\n{count} atoms\n1 atom types\n\n"
         )
         for axis, a, b in zip("xyz", low, high, strict=True):
-            file.write(f"{_number(a)} {_number(b)} {axis}lo {axis}hi\n")
+            file.write(f"{number(a)} {number(b)} {axis}lo {axis}hi\n")
         file.write("\nAtoms # hybrid\n\n")
         atoms = (
             identity,
@@ -103,6 +140,9 @@ def write_particle_data(particles: Particles, path: Path) -> None:
             file.write("\nVelocities # hybrid\n\n")
             motion = (identity, particles.velocity, particles.angular_velocity)
             np.savetxt(file, np.column_stack(motion), fmt=["%d"] + 6 * ["%.17g"])
+        if (particles.sign < 0).any():
+            file.write(f"\n{SIGN_SECTION}\n\n")
+            np.savetxt(file, np.column_stack([identity, particles.sign]), fmt="%d")
 
 
 def deck_text(case: Case, particles: Particles) -> str:
@@ -110,10 +150,13 @@ def deck_text(case: Case, particles: Particles) -> str:
     blocks = [
         _header(case),
         _settings(case),
-        system_commands(particles, PARTICLE_DATA),
+        system_commands(particles, PARTICLE_DATA, case),
+        _relaxation(case),
+        pair_commands(pair_styles(case, particles)),
         _forces_and_integration(case),
         _launch(case),
         _ledger(case),
+        _watch(case, particles),
         _output(case),
         "run ${steps}\n",
     ]
@@ -138,7 +181,7 @@ def _settings(case: Case) -> str:
     }
     if case.blast:
         settings = {"energy": case.blast.energy} | settings
-    lines = [f"variable {name} index {_number(value)}" for name, value in settings.items()]
+    lines = [f"variable {name} index {number(value)}" for name, value in settings.items()]
     lines += [
         "variable steps equal round(v_duration/v_step)",
         "variable output_every equal round(v_output_interval/v_step)",
@@ -147,46 +190,96 @@ def _settings(case: Case) -> str:
     return "\n".join(lines) + "\n"
 
 
-def system_commands(particles: Particles, data: str) -> str:
-    """Return the commands that set up LAMMPS for `particles`, read from the file `data`."""
-    extent = np.ptp(particles.position, axis=0).max() + 2.0 * particles.radius.max()
+def system_commands(particles: Particles, data: str, case: Case | None = None) -> str:
+    """Return the commands that set up LAMMPS for `particles`, read from the file `data`.
+
+    With a case whose particles interact, or are relaxed, ranks exchange ghosts and lists are made.
+    """
+    touching = case is not None and (case.interacts or _is_relaxed(case))
+    signs = case is not None and uses_signs(case, particles)
+    neighbours = _neighbours_in_contact(particles) if touching else _no_neighbours(particles)
     return f"""\
 units si
 atom_style hybrid sphere charge
 # A box that follows the cloud: nothing is ever lost, and bins stay as small as the cloud.
-boundary s s s
-# Particles do not interact: ranks share the work and need no ghosts. Particles change ranks as soon
-# as one of them has moved half the skin, so that none crosses a whole rank's share unnoticed.
-atom_modify sort 0 0.0
-comm_modify cutoff 1.0e-9
-neighbor {_number(SKIN_OF_CLOUD * extent)} bin
-neigh_modify every 1 delay 0 check yes
-read_data {data}
+boundary {_boundaries(particles) if touching else "s s s"}
+{neighbours}neigh_modify every 1 delay 0 check yes
+{_reading(data, signs)}
 timestep ${{step}}
 """
 
 
+def _no_neighbours(particles: Particles) -> str:
+    extent = np.ptp(particles.position, axis=0).max() + 2.0 * particles.radius.max()
+    return f"""\
+# Particles do not interact: ranks share the work and need no ghosts. Particles change ranks as soon
+# as one of them has moved half the skin, so that none crosses a whole rank's share unnoticed.
+atom_modify sort 0 0.0
+comm_modify cutoff 1.0e-9
+neighbor {number(SKIN_OF_CLOUD * extent)} bin
+"""
+
+
+def _neighbours_in_contact(particles: Particles) -> str:
+    skin = SKIN_OF_CONTACT * 2.0 * float(particles.radius.min())
+    return f"""\
+comm_modify vel yes
+neighbor {number(skin)} bin
+"""
+
+
+def _boundaries(particles: Particles) -> str:
+    """Return how the box follows the cloud: not below its first size where that is thin.
+
+    LAMMPS refuses boxes far thinner than a neighbour distance.
+    """
+    extent = np.ptp(particles.position, axis=0)
+    thin = extent < 2.0 * particles.radius.max()
+    return " ".join("m" if is_thin else "s" for is_thin in thin)
+
+
+def _reading(data: str, signs: bool) -> str:
+    if not signs:
+        return f"read_data {data}"
+    return (
+        f"fix {SIGN_FIX} all property/atom {SIGN_PROPERTY} ghost yes\n"
+        f"read_data {data} fix {SIGN_FIX} NULL {SIGN_SECTION}"
+    )
+
+
+def _is_relaxed(case: Case) -> bool:
+    return isinstance(case.particles, PackedParticles) and case.particles.packing.relax
+
+
+def _relaxation(case: Case) -> str:
+    return relaxation_commands(case.particles, case.time.step) if _is_relaxed(case) else ""
+
+
 def _forces_and_integration(case: Case) -> str:
     fields = _external_fields(case)
+    lines = []
+    if case.contact:
+        # Before the fixes that add forces and integrate: it counts work with what they find.
+        lines.append(f"fix losses all blast/losses{' work yes' if case.contact.is_stock else ''}")
     if case.time.integrator == "verlet":
-        lines = [f"fix external all lorentz/drag {fields}", "fix integrate all nve/sphere"]
+        lines += [f"fix external all lorentz/drag {fields}", "fix integrate all nve/sphere"]
     else:
-        lines = [f"fix integrate all nve/sphere/lorentz {fields}"]
+        lines.append(f"fix integrate all nve/sphere/lorentz {fields}")
     if any(case.fields.electric):
-        lines.append(f"fix electric all efield {_vector(case.fields.electric)}")
+        lines.append(f"fix electric all efield {numbers(*case.fields.electric)}")
     return "\n".join(lines) + "\n"
 
 
 def _external_fields(case: Case) -> str:
     """Return the keywords that the plugin's styles share."""
     medium = case.medium
-    words = [f"magnetic {_vector(case.fields.magnetic)}", f"drag {medium.drag}"]
+    words = [f"magnetic {numbers(*case.fields.magnetic)}", f"drag {medium.drag}"]
     if medium.drag == "constant":
-        words.append(_number(medium.drag_coefficient))
+        words.append(number(medium.drag_coefficient))
     if medium.drag != "none":
         words.append(
-            f"density {_number(medium.density)} viscosity {_number(medium.viscosity)}"
-            f" velocity {_vector(medium.velocity)}"
+            f"density {number(medium.density)} viscosity {number(medium.viscosity)}"
+            f" velocity {numbers(*medium.velocity)}"
         )
     return " ".join(words)
 
@@ -197,26 +290,83 @@ def _launch(case: Case) -> str:
 
 def _ledger(case: Case) -> str:
     """Return the commands that keep `energy.csv`, one column an account."""
-    work = "external" if case.time.integrator == "verlet" else "integrate"
-    electric = any(case.fields.electric)
-    start = "variable electric_start equal $(f_electric:%.17g)\n" if electric else ""
-    electric_work = "v_electric_start-f_electric" if electric else "0"
+    computes = ["compute kinetic all ke", "compute rotational all erotate/sphere"]
+    if case.contact and not case.contact.is_stock:
+        computes.append(f"compute contact all pair {CONTACT_STYLE}")
+    if case.near_field:
+        computes.append(f"compute near_field all pair {NEAR_FIELD_STYLE}")
+    starts = [
+        f"variable {name}_start equal $({source}:%.17g)"
+        for name, source in (("electric", "f_electric"), ("near_field", "c_near_field"))
+        if _has(case, name)
+    ]
+    variables = [f"variable {name} equal {text}" for name, text in _accounts(case).items()]
     accounts = " ".join(f"v_{account}" for account in ENERGY_ACCOUNTS)
+    lines = [
+        "# The energy ledger, in joules.",
+        *computes,
+        # Of the columns below, so that energies are there when they are first asked for.
+        "thermo_style custom step time pe",
+        "run 0 post no",
+        *starts,
+        *variables,
+        f'fix ledger all print ${{output_every}} "{_ledger_row()}" &',
+        f'  file {ENERGY_TABLE} screen no title "time,{",".join(ENERGY_ACCOUNTS)}"',
+        f"thermo_style custom step time {accounts}",
+        "thermo_modify format float %.10g",
+        "thermo ${output_every}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _has(case: Case, name: str) -> bool:
+    return any(case.fields.electric) if name == "electric" else case.near_field is not None
+
+
+def _accounts(case: Case) -> dict[str, str]:
+    """Return what each account is in LAMMPS's terms."""
+    work = "external" if case.time.integrator == "verlet" else "integrate"
+    accounts = dict.fromkeys(ENERGY_ACCOUNTS, "0.0") | {
+        "kinetic": "c_kinetic",
+        "rotational": "c_rotational",
+        "drag_loss": f"-f_{work}[1]",
+        "magnetic_work": f"f_{work}[2]",
+    }
+    if any(case.fields.electric):
+        accounts["electric_work"] = "v_electric_start-f_electric"
+    if case.near_field:
+        accounts["near_field_energy"] = "c_near_field"
+    if case.contact and case.contact.is_stock:
+        # Stock styles keep no account: what all pair forces took and the near field does not hold.
+        held = "-(c_near_field-v_near_field_start)" if case.near_field else ""
+        accounts["contact_loss"] = f"-f_losses[5]{held}"
+    elif case.contact:
+        accounts |= {
+            "contact_energy": "c_contact[1]",
+            "bond_energy": "c_contact[2]",
+            "contact_loss": "f_losses[1]",
+            "friction_loss": "f_losses[2]",
+            "bond_friction_loss": "f_losses[3]",
+            "bond_formation_loss": "f_losses[4]",
+        }
+    return accounts
+
+
+def _watch(case: Case, particles: Particles) -> str:
+    """Return the commands that stop a run of interacting particles when it becomes unstable."""
+    if not case.interacts:
+        return ""
+    held = "v_kinetic+v_rotational+v_contact_energy+v_bond_energy+v_near_field_energy"
+    lost = "v_drag_loss+v_contact_loss+v_friction_loss+v_bond_friction_loss+v_bond_formation_loss"
+    balance = f"{held}+{lost}-v_electric_work"
+    advised = advised_step(case, particles)
+    advice = f" advice {number(advised[0])}" if advised else ""
     return f"""\
-# The energy ledger, in joules.
-compute kinetic all ke
-compute rotational all erotate/sphere
-run 0 post no
-{start}variable kinetic equal c_kinetic
-variable rotational equal c_rotational
-variable electric_work equal {electric_work}
-variable drag_loss equal -f_{work}[1]
-variable magnetic_work equal f_{work}[2]
-fix ledger all print ${{output_every}} "{_ledger_row()}" &
-  file {ENERGY_TABLE} screen no title "time,{",".join(ENERGY_ACCOUNTS)}"
-thermo_style custom step time {accounts}
-thermo_modify format float %.10g
-thermo ${{output_every}}
+variable balance equal {balance}
+variable balance_start equal $(v_balance:%.17g)
+variable created equal v_balance-v_balance_start
+fix watch all blast/watch {WATCH_EVERY}{advice}
+fix watch_energy all blast/watch ${{output_every}} energy v_created {ENERGY_FROM_NOTHING}{advice}
 """
 
 
@@ -236,13 +386,34 @@ def _output(case: Case) -> str:
         force_columns, renaming, preparation = _force_columns(case)
         columns += force_columns
         modify += renaming
+    contacts = _contact_dump() if case.output.contacts else ""
     return f"""\
 {preparation}dump trajectory all custom ${{output_every}} {name} &
   {columns}
 dump_modify trajectory {modify}
-shell mkdir {RESTART_FOLDER}
+{contacts}shell mkdir {RESTART_FOLDER}
 # Two files in turn: a crash while one is written leaves the other.
 restart ${{restart_every}} {RESTARTS[0]} {RESTARTS[1]}
+"""
+
+
+def _contact_dump() -> str:
+    columns = (
+        "id1",
+        "id2",
+        "strain",
+        "normal_force",
+        "damping_force",
+        "friction_force",
+        "bond_force",
+        "bond_friction_force",
+    )
+    sources = " ".join(f"c_contacts[{k}]" for k in range(1, len(columns) + 1))
+    names = " ".join(f"colname c_contacts[{k}] {name}" for k, name in enumerate(columns, start=1))
+    return f"""\
+compute contacts all blast/contact/local
+dump contacts all local ${{output_every}} {CONTACT_TABLE} {sources}
+dump_modify contacts time yes units yes format float %.10g {names}
 """
 
 
@@ -264,14 +435,6 @@ def _force_columns(case: Case) -> tuple[str, str, str]:
     return columns + " tqx tqy tqz", renaming, preparation
 
 
-def _number(value: float) -> str:
-    return repr(float(value))
-
-
-def _vector(components: tuple[float, float, float]) -> str:
-    return " ".join(_number(component) for component in components)
-
-
 def main(argv: list[str] | None = None) -> int:
     """Write a case's deck and data into a folder; return the exit status."""
     parser = argparse.ArgumentParser(prog="lammps-blast deck", description=main.__doc__)
@@ -284,6 +447,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         case = load_case(options.case)
         particles = create_particles(case)
+        check_near_field(case, particles)
     except CaseError as error:
         print(error, file=sys.stderr)
         return 2

@@ -386,7 +386,8 @@ class NearFieldLaw:
     cutoff
         Distance in m from which on there is no force; infinite for none.
     switch_width
-        The force goes smoothly to zero over the last such length, m, before the cutoff.
+        The force goes smoothly to zero over the last such length, m, before the cutoff; less than
+        the cutoff, and zero for a force that ends in a jump.
     """
 
     attraction: float = 0.0
@@ -395,11 +396,6 @@ class NearFieldLaw:
     repulsion_exponent: float = 1.0
     cutoff: float = np.inf
     switch_width: float = 0.0
-
-    @property
-    def switch_start(self) -> float:
-        """Distance in m at which the switch begins."""
-        return self.cutoff - self.switch_width
 
     @property
     def terms(self) -> tuple[tuple[float, float], ...]:
@@ -445,22 +441,27 @@ def near_field_source(
 def smooth_switch(distance: ArrayLike, law: NearFieldLaw) -> Any:
     """Factor of the near field: 1 up to the switch, 0 at the cutoff, twice differentiable between.
 
-    1 - x^3 (10 - 15 x + 6 x^2) with x = (d - switch_start)/switch_width.
+    1 - x^3 (10 - 15 x + 6 x^2) with x = (d - cutoff)/switch_width + 1.
 
     Parameters
     ----------
     distance
         d in m.
     """
-    x = _switch_part(distance, law)
-    return np.where(np.asarray(distance) < law.cutoff, 1.0 - x**3 * (10 - 15 * x + 6 * x**2), 0)[()]
-
-
-def _switch_part(distance: ArrayLike, law: NearFieldLaw) -> Any:
-    """How far into the switch a distance lies, from 0 to 1."""
     if law.switch_width == 0.0:
-        return np.zeros(np.shape(distance))
-    return np.clip((np.asarray(distance) - law.switch_start) / law.switch_width, 0.0, 1.0)
+        return np.where(np.asarray(distance) < law.cutoff, 1.0, 0.0)[()]
+    return _switch(_part_left(distance, law))
+
+
+def _part_left(distance: ArrayLike, law: NearFieldLaw) -> Any:
+    """How much of the switch is left before the cutoff, 1 - x, from 1 to 0."""
+    return np.clip((law.cutoff - np.asarray(distance)) / law.switch_width, 0.0, 1.0)
+
+
+def _switch(left: Any) -> Any:
+    """The same polynomial as a product, which keeps its digits next to the cutoff."""
+    x = 1.0 - left
+    return left**3 * (1.0 + 3.0 * x + 6.0 * x**2)
 
 
 def near_field_force(distance: ArrayLike, source_product: ArrayLike, law: NearFieldLaw) -> Any:
@@ -487,8 +488,8 @@ def near_field_gradient(distance: ArrayLike, source_product: ArrayLike, law: Nea
     gradient = sum(-beta * strength * d ** -(beta + 1.0) for strength, beta in law.terms)
     gradient = gradient * smooth_switch(d, law)
     if law.switch_width > 0.0:
-        x = _switch_part(d, law)
-        slope = -30.0 * x**2 * (1.0 - x) ** 2 / law.switch_width
+        left = _part_left(d, law)
+        slope = -30.0 * left**2 * (1.0 - left) ** 2 / law.switch_width
         gradient = gradient + slope * sum(strength * d**-beta for strength, beta in law.terms)
     return np.asarray(source_product) * gradient
 
@@ -513,12 +514,10 @@ def _power_integral(distance: Floats, beta: float, law: NearFieldLaw) -> Any:
     distance = np.minimum(distance, law.cutoff)
     if law.switch_width == 0.0:
         return _unswitched_integral(distance, law.cutoff, beta)
-    switched = np.vectorize(lambda start: _switched_integral(start, beta, law), otypes=[float])
-    start = np.maximum(distance, law.switch_start)
-    if law.switch_start <= 0.0:
-        return switched(start)[()]
-    bare = _unswitched_integral(np.minimum(distance, law.switch_start), law.switch_start, beta)
-    return (bare + switched(start))[()]
+    switched = np.vectorize(lambda d: _switched_integral(d, beta, law), otypes=[float])
+    start = law.cutoff - law.switch_width
+    bare = _unswitched_integral(np.minimum(distance, start), start, beta)
+    return (bare + switched(np.maximum(distance, start)))[()]
 
 
 def _unswitched_integral(distance: Floats, end: float, beta: float) -> Any:
@@ -529,14 +528,13 @@ def _unswitched_integral(distance: Floats, end: float, beta: float) -> Any:
     return end ** (1.0 - beta) * logarithm * stretch
 
 
-def _switched_integral(start: float, beta: float, law: NearFieldLaw) -> float:
+def _switched_integral(distance: float, beta: float, law: NearFieldLaw) -> float:
     """Integral of the switched d^-beta from the cutoff to a distance within the switch."""
 
-    def integrand(logarithm: float) -> float:
-        d = np.exp(logarithm)
-        return float(d ** (1.0 - beta) * smooth_switch(d, law))
+    def integrand(before: float) -> float:
+        return (law.cutoff - before) ** -beta * _switch(before / law.switch_width)
 
-    return -quad(integrand, np.log(start), np.log(law.cutoff), epsabs=0, epsrel=1e-12, limit=200)[0]
+    return -quad(integrand, 0.0, law.cutoff - distance, epsabs=0.0, epsrel=1e-13)[0]
 
 
 def effective_modulus(

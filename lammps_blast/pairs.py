@@ -61,7 +61,7 @@ def pair_kinds(radius: Floats, mass: Floats, source: Floats) -> PairKinds:
     """Return the kinds of pairs that particles make, equal ones taken together.
 
     Where particles are of more than about thirty kinds, those stand for all that are evenly spaced
-    in the orders of radius, mass and source, the extremes among them.
+    in the orders of radius, mass and source, the two at each end among them.
 
     Parameters
     ----------
@@ -88,6 +88,8 @@ def _spread_kinds(kinds: Floats) -> Any:
     if count <= properties * KINDS_BY_PROPERTY:
         return np.arange(count)
     places = np.linspace(0, count - 1, KINDS_BY_PROPERTY).round().astype(int)
+    # Two at each end: the two lightest particles, say, are a pair as well.
+    places = np.concatenate([places, [1, count - 2]])
     return np.unique(np.argsort(kinds, axis=0, kind="stable")[places])
 
 

@@ -15,6 +15,7 @@ from rich.console import Console
 from lammps_blast.case import Case, CaseError, ParticlesFromFile, load_case
 from lammps_blast.deck import (
     CASE,
+    CONTACT_TABLE,
     DECK,
     ENERGY_TABLE,
     PARTICLE_DATA,
@@ -25,6 +26,7 @@ from lammps_blast.deck import (
     write_resolved_case,
 )
 from lammps_blast.engine import LOG, EngineError, InterruptedRunError, lammps_warnings, run_deck
+from lammps_blast.interaction_warnings import case_warnings, check_near_field
 from lammps_blast.particles import Particles, create_particles
 from lammps_blast.step_advice import step_warnings
 
@@ -42,6 +44,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         case = load_case(options.case)
         particles = create_particles(case)
+        check_near_field(case, particles)
         summary = run_case(case, particles, options, console)
     except CaseError as error:
         print(f"{options.case}: not a case that can be run\n{error}", file=sys.stderr)
@@ -94,7 +97,7 @@ def run_case(
     except OSError as error:
         raise FolderError(f"cannot write the run folder {folder}: {error}") from error
     console.print(f"{case.name}: {len(particles)} particles, {case.time.steps} steps in {folder}")
-    for warning in step_warnings(case, particles):
+    for warning in (*step_warnings(case, particles), *case_warnings(case, particles)):
         console.print(f"WARNING: {warning}", highlight=False, markup=False)
     if left := case.time.steps % case.output_every:
         last = (case.time.steps - left) * case.time.step
@@ -137,6 +140,7 @@ def prepare_folder(folder: Path, *, force: bool) -> None:
 def _products() -> Iterator[str]:
     """Yield the names of all files that a run may leave in its folder."""
     from lammps_blast.analyze import (
+        CLUMP_TABLE,
         ENVELOPE_TABLE,
         FIGURE_FOLDER,
         FIGURES,
@@ -145,7 +149,7 @@ def _products() -> Iterator[str]:
     )
 
     yield from (SUMMARY, CASE, DECK, PARTICLE_DATA, PARTICLE_TABLE, ENERGY_TABLE, LOG)
-    yield from (ENVELOPE_TABLE, SPEED_TABLE, *TRAJECTORIES.values())
+    yield from (ENVELOPE_TABLE, SPEED_TABLE, CLUMP_TABLE, CONTACT_TABLE, *TRAJECTORIES.values())
     yield from RESTARTS
     yield from (f"{FIGURE_FOLDER}/{name}.png" for name in FIGURES)
 

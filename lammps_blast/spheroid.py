@@ -95,9 +95,9 @@ def spheroid_theory(
 ) -> SpheroidTheory | str:
     """Return the theorem for a cloud, or the reason why it does not hold there.
 
-    It needs particles launched from rest with one charge-to-mass ratio up to its sign; with drag
-    also one size and mass; and with drag that is not linear in the speed no electric field and a
-    medium at rest.
+    It needs particles that do not interact, launched from rest with one charge-to-mass ratio up to
+    its sign; with drag also one size and mass; and with drag that is not linear in the speed no
+    electric field and a medium at rest.
 
     Parameters
     ----------
@@ -108,6 +108,8 @@ def spheroid_theory(
     speed
         That all particles share right after the pulse, m/s; None where they do not.
     """
+    if case.interacts:
+        return "the particles interact"
     medium, electric = case.medium, any(case.fields.electric)
     strength = np.abs(charge_per_mass)
     pushed, dragged = electric and bool(strength.any()), medium.drag != "none"

@@ -1,11 +1,15 @@
 """Clumps and pair distances against configurations whose answer is known, and brute force."""
 
+import json
+
 import numpy as np
 import pytest
 from test_analysis import write_dump
+from test_figures import make_clumped
 
 from lammps_blast import contacts
 from lammps_blast.analysis import AnalysisError
+from lammps_blast.analyze import analyze, report, summarize, write_results
 from lammps_blast.clumps import (
     Clumps,
     PairDistances,
@@ -243,3 +247,44 @@ def test_only_the_chosen_frames_are_counted(tmp_path):
     # Two particles of radius 0.1, with one neighbour each, in the shell from 0.5 to 1.
     assert results.neighbours[0, 1] == pytest.approx(1.0 / (4.0 / 3.0 * np.pi * (1 - 0.5**3)))
     assert results.nearest_gap[:, 0] == pytest.approx([0.625 - 1.0, 1.625 - 1.0])
+
+
+def test_clumps_are_left_in_a_table_and_in_the_summary(tmp_path):
+    run = make_clumped(tmp_path / "run")  # chains of 6 and 3 and two alone, five contacts recorded
+    write_results(run, tmp_path, figures=False)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    clumps, contacts = summary["clumps"], summary["contacts"]
+    assert (clumps["pieces_first"], clumps["pieces_last"], clumps["clumps"]) == (11, 4, 2)
+    assert clumps["largest"] == 6
+    assert clumps["sizes"] == {"1": 2, "3": 1, "6": 1}
+    assert clumps["shape"]["clumps"] == 1
+    assert clumps["shape"]["along_over_across"] == pytest.approx(
+        np.sqrt(R**2 / 5 / ((2 * R * 0.999) ** 2 * 35 / 24 + R**2 / 5))
+    )
+    assert contacts["source"] == "recorded"
+    assert (contacts["first"], contacts["last"], contacts["most"]) == (0, 5, 5)
+    assert contacts["largest_normal_force"] == 50.0
+    table = np.genfromtxt(tmp_path / "clumps.csv", delimiter=",", names=True)
+    assert table["pieces"].tolist() == [11, 11, 4]
+    assert table["contacts"].tolist() == [0, 0, 5]
+    assert table["mean_normal_force"][2] == 30.0
+    assert "bonded_fraction" not in table.dtype.names
+    text = report(summary)
+    assert "11 pieces -> 4, 2 of them clumps of two or more; the largest holds 6 part" in text
+    assert "0 contacts -> 5, at most 5; largest strain 0.001" in text
+
+
+def test_clumps_are_sought_where_particles_meet_and_nowhere_else(tmp_path):
+    make_clumped(tmp_path / "run")
+    folder, case = tmp_path / "run", tmp_path / "run" / "case.yaml"
+    text = case.read_text()
+    case.write_text(text[: text.index("contact:")])
+    silent = analyze(folder)
+    assert (silent.clumps, silent.contacts, silent.distances) == (None, None, None)
+    assert not {"clumps", "contacts"} & set(summarize(silent))
+    case.unlink()
+    lone = analyze(folder)
+    assert lone.clumps.results.pieces[-1] == 4
+    assert lone.contacts.results.contacts[-1] == 7  # those in the geometry, not those on record
+    universe_of(tmp_path, chain(3), chain(3, spacing=3.0 * R), radius=np.full(3, R))
+    assert analyze(tmp_path / "dump").clumps is None

@@ -7,25 +7,41 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import PathCollection
+from matplotlib.collections import EllipseCollection, LineCollection, PathCollection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
 from lammps_blast import figures
-from lammps_blast.analyze import Analyses, analyze
+from lammps_blast.analyze import FIGURES, Analyses, analyze
+from lammps_blast.deck import ENERGY_ACCOUNTS
 from lammps_blast.figures import (
     charge_figure,
     cloud_figure,
+    clump_figure,
+    clump_statistics_figure,
+    contact_figure,
     draw_figures,
     energy_figure,
+    pair_distance_figure,
+    scene,
     semi_axis_figure,
     velocity_figure,
 )
 
 OMEGA, SPEED, RADIUS = 10.0, 2.0, 0.05
-LEDGER_HEAD = "time,kinetic,rotational,electric_work,drag_loss,magnetic_work\n"
+
+
+def ledger_row(time: float, **accounts: float) -> str:
+    """A line of the energy table; accounts that are not given are empty."""
+    values = (time, *(accounts.get(account, 0.0) for account in ENERGY_ACCOUNTS))
+    return ",".join(repr(float(value)) for value in values)
+
+
+def write_ledger(folder: Path, *rows: str) -> None:
+    head = ",".join(("time", *ENERGY_ACCOUNTS))
+    (folder / "energy.csv").write_text("\n".join((head, *rows)) + "\n")
 
 
 def launched(n: int) -> np.ndarray:
@@ -96,8 +112,35 @@ def make_run(
     )
     write_case(folder, n=n, duration=duration, magnetic=magnetic, electric=electric, title=title)
     if ledger:
-        rows = [f"{t!r},{0.5 * n * SPEED**2!r},0,0,0,1e-12\n" for t in times.tolist()]
-        (folder / "energy.csv").write_text(LEDGER_HEAD + "".join(rows))
+        accounts = {"kinetic": 0.5 * n * SPEED**2, "magnetic_work": 1e-12}
+        write_ledger(folder, *(ledger_row(time, **accounts) for time in times))
+    return analyze(folder)
+
+
+def make_clumped(folder: Path, *, frames=3, magnetic=(OMEGA, 0, 0), recorded=True) -> Analyses:
+    """A chain of six spheres along y, three on a line along z and two alone, drawn together.
+
+    The contacts on record are the five of the chain, in the last frame, each stronger than the one
+    before it.
+    """
+    folder.mkdir()
+    places = [[0, 2 * RADIUS * i, 0] for i in range(6)]
+    places += [[1, 0, 2 * RADIUS * i] for i in range(3)] + [[-1, 1, 0], [-1, -1, 1]]
+    times = np.linspace(0.0, 0.02 * np.pi, frames)
+    shrinking = np.linspace(3.0, 0.999, frames)[:, None, None] if frames > 1 else 0.999
+    position = shrinking * np.array(places, dtype=float) * np.ones((frames, 1, 1))
+    write_dump(folder / "trajectory.lammpstrj", times, position, np.ones_like(position))
+    write_case(folder, n=len(places), duration=0.1, magnetic=magnetic)
+    with (folder / "case.yaml").open("a") as case:
+        case.write("contact: {law: zohdi, stiffness: 1.0e7, exponent: 2, damping: 1.0e5}\n")
+    if recorded:
+        with (folder / "contacts.lammpsdump").open("w") as file:
+            for step in range(frames):
+                count = 5 if step == frames - 1 else 0
+                file.write(f"ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ENTRIES\n{count}\n")
+                file.write("ITEM: BOX BOUNDS ss ss ss\n" + "-9 9\n" * 3)
+                file.write("ITEM: ENTRIES id1 id2 strain normal_force\n")
+                file.writelines(f"{i} {i + 1} 1e-3 {10 * i}\n" for i in range(1, count + 1))
     return analyze(folder)
 
 
@@ -380,7 +423,7 @@ def test_a_dump_without_velocities_is_drawn_in_one_colour(tmp_path):
     figure = cloud_figure(still)
     assert "velocities unknown" in words(figure)
     assert figure.axes == scenes(figure)  # no colour bar
-    (tmp_path / "energy.csv").write_text(LEDGER_HEAD + "0,24,0,0,0,0\n0.5,24,0,0,0,0\n")
+    write_ledger(tmp_path, ledger_row(0.0, kinetic=24), ledger_row(0.5, kinetic=24))
     with pytest.warns(UserWarning, match="1 kg"):
         draw_figures(analyze(dump), tmp_path / "figures")
     assert (tmp_path / "figures" / "energy.png").is_file()
@@ -460,7 +503,7 @@ def test_a_cloud_at_rest_with_an_empty_ledger(tmp_path):
     start = np.broadcast_to(launched(4), (3, 4, 3))
     write_dump(tmp_path / "trajectory.lammpstrj", times, start, np.zeros((3, 4, 3)), charge=0.0)
     write_case(tmp_path, n=4, duration=1.0)
-    (tmp_path / "energy.csv").write_text(LEDGER_HEAD + "0,0,0,0,0,0\n0.5,0,0,0,0,0\n1,0,0,0,0,0\n")
+    write_ledger(tmp_path, *map(ledger_row, times))
     draw_figures(analyze(tmp_path), tmp_path / "figures")
 
 
@@ -483,3 +526,148 @@ def test_particles_too_small_to_be_seen_are_not_called_true(tmp_path):
         dump = tmp_path / f"{radius}.lammpstrj"
         write_dump(dump, times, *gyrating(8, times), radius=radius)
         assert remark in words(cloud_figure(analyze(dump)))
+
+
+@pytest.fixture(scope="module")
+def clumped(tmp_path_factory) -> Analyses:
+    return make_clumped(tmp_path_factory.mktemp("runs") / "clumped")
+
+
+def test_a_run_whose_particles_meet_gets_four_figures_more(clumped, tmp_path):
+    draw_figures(clumped, tmp_path)
+    names = {"clumps.png", "clump_statistics.png", "contacts.png", "pair_distances.png"}
+    drawn = {file.name for file in tmp_path.iterdir()}
+    assert names < drawn
+    assert {name.removesuffix(".png") for name in drawn} < set(FIGURES)
+
+
+def test_particles_have_the_colour_of_the_size_of_their_clump(clumped, monkeypatch):
+    monkeypatch.setattr(scene, "FADING", 0.0)
+    figure = clump_figure(clumped)
+    colours = []
+    for axes in (scenes(figure)[0], scenes(figure)[-1]):
+        (scatter,) = (c for c in axes.collections if isinstance(c, PathCollection))
+        colours.append(np.round(scatter.get_facecolor(), 6))
+    assert len(np.unique(colours[0], axis=0)) == 1
+    single, chain, line, alone = colours[0][0], colours[1][:6], colours[1][6:9], colours[1][9:]
+    assert np.all(alone == single)
+    assert len(np.unique(chain, axis=0)) == len(np.unique(line, axis=0)) == 1
+    assert len({tuple(colour) for colour in (single, chain[0], line[0])}) == 3
+    text = words(figure)
+    assert {"single", "clumps of 2–4", "clumps of 5–19"} <= set(text.split("\n"))
+    assert "100 or more" not in text
+
+
+def test_clump_statistics_are_those_of_the_analysis(clumped):
+    figure = clump_statistics_figure(clumped)
+    number, sizes, ratio, shares, shapes = figure.axes
+    assert number.lines[0].get_ydata() == pytest.approx([11, 11, 4])
+    assert number.lines[1].get_ydata() == pytest.approx([0, 0, 2])
+    assert sizes.lines[0].get_ydata() == pytest.approx([1, 1, 6])
+    assert ratio.lines[-1].get_ydata()[-1] < 1.0  # the chain lies across B
+    heights = [[bar.get_height() for bar in bars] for bars in shares.containers]
+    assert heights[0] == pytest.approx([50, 25, 25])
+    assert heights[1] == pytest.approx([200 / 11, 300 / 11, 600 / 11])
+    assert [label.get_text() for label in shares.get_xticklabels()] == ["1", "2–3", "4–7"]
+    assert shapes.lines[-1].get_xdata() == pytest.approx([6])
+
+
+def test_the_contact_network_joins_the_centres_of_spheres_that_press(clumped):
+    figure = contact_figure(clumped)
+    centres = clumped.universe.trajectory[-1].data["position"]
+    for axes, shown in zip(figure.axes[:2], ([0, 2], [1, 2]), strict=True):
+        (lines,) = (c for c in axes.collections if type(c) is LineCollection)
+        scale = 1e-3 if "mm" in axes.get_xlabel() else 1.0
+        ends = scale * np.array(lines.get_segments())
+        expected = [[centres[i][shown], centres[i + 1][shown]] for i in range(5)]
+        np.testing.assert_allclose(ends, expected, atol=1e-12)
+        assert np.all(np.diff(lines.get_linewidths()) > 0.0)
+        (spheres,) = (c for c in axes.collections if isinstance(c, EllipseCollection))
+        assert len(spheres.get_offsets()) == len(centres)
+        for limits, places in ((axes.get_xlim(), 0), (axes.get_ylim(), 1)):
+            span = scale * np.array(limits)
+            assert span[0] <= centres[:, shown[places]].min() - RADIUS
+            assert span[1] >= centres[:, shown[places]].max() + RADIUS
+        width, height = axes.get_position().size * figure.get_size_inches()
+        assert np.ptp(axes.get_xlim()) / width == pytest.approx(np.ptp(axes.get_ylim()) / height)
+    assert "normal force (N)" in words(figure)
+    assert "5 contacts, mean 30 N" in words(figure)
+    contacts = figure.axes[-2]
+    assert contacts.lines[0].get_ydata() == pytest.approx([0, 0, 5])
+    (per_particle,) = contacts.child_axes
+    figure.draw_without_rendering()
+    assert per_particle.get_ylim()[1] == pytest.approx(contacts.get_ylim()[1] * 2 / 11)
+
+
+def test_contacts_without_a_record_are_coloured_by_strain(tmp_path):
+    figure = contact_figure(make_clumped(tmp_path / "run", recorded=False))
+    assert "7 contacts, mean 0.1 %" in words(figure)  # those of the line of three as well
+    assert "strain (%)" in words(figure)
+    assert "forces unknown" in words(figure)
+
+
+def test_gaps_and_shells_of_a_clumped_run(clumped):
+    gaps, shells = pair_distance_figure(clumped).axes
+    legend = [text.get_text() for text in shells.get_legend().get_texts()]
+    assert legend == ["t = 0.0 ms", "t = 31.4 ms", "t = 62.8 ms"]
+    last = gaps.lines[2]
+    assert last.get_xdata() == pytest.approx(np.full(10, -1e-3))
+    assert last.get_ydata() == pytest.approx(100 / 11 * np.arange(10))
+
+
+def test_contacts_that_swing_with_the_turns_are_not_joined(tmp_path):
+    fast = make_clumped(tmp_path / "fast", magnetic=(100.0 * OMEGA, 0, 0))
+    for figure, panels in ((clump_statistics_figure(fast), 3), (contact_figure(fast), 5)):
+        lines = [
+            line for axes in figure.axes[:panels] for line in axes.lines
+            if len(line.get_xdata()) == 3
+        ]  # fmt: skip
+        assert {line.get_linestyle() for line in lines} <= {"None"}
+        assert "too few to join the markers" in words(figure).replace("\n", " ")
+
+
+@pytest.mark.parametrize("magnetic", [(0, 0, 0), (0, 0, OMEGA), (1, 2, -2)])
+@pytest.mark.parametrize(("frames", "recorded"), [(1, True), (2, False)])
+def test_clumps_in_other_fields(tmp_path, magnetic, frames, recorded):
+    run = make_clumped(tmp_path / "run", frames=frames, magnetic=magnetic, recorded=recorded)
+    draw_figures(run, tmp_path / "figures")
+    assert (tmp_path / "figures" / "contacts.png").is_file()
+
+
+def test_the_foot_of_a_figure_stays_clear_of_its_axes(clumped, tmp_path):
+    alone = make_clumped(tmp_path / "run", recorded=False, magnetic=(1000.0, 2000.0, 500.0))
+    for run in (clumped, alone):
+        for draw in (clump_statistics_figure, contact_figure, pair_distance_figure):
+            figure = draw(run)
+            FigureCanvasAgg(figure)
+            figure.draw_without_rendering()
+            foot = figure.texts[-1].get_window_extent()
+            for axes in figure.axes:
+                label = axes.xaxis.label
+                if label.get_text():
+                    assert label.get_window_extent().y0 > foot.y1
+            for text in figure.texts:
+                assert text.get_window_extent().x1 < figure.bbox.x1
+
+
+def test_particles_that_never_meet_have_no_network(tmp_path):
+    make_run(tmp_path / "run", n=1, frames=2)
+    with (tmp_path / "run" / "case.yaml").open("a") as case:
+        case.write("contact: {law: zohdi, stiffness: 1.0e7, exponent: 2, damping: 1.0e5}\n")
+    lonely = analyze(tmp_path / "run")
+    draw_figures(lonely, tmp_path / "figures")
+    names = {file.name for file in (tmp_path / "figures").iterdir()}
+    assert "clumps.png" in names
+    assert "contacts.png" not in names
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_clumped_run_that_diverged(tmp_path):
+    whole = make_clumped(tmp_path / "run", recorded=False).universe.trajectory
+    position = np.array([ts.data["position"] for ts in whole])
+    position[-1] = np.nan
+    times = [ts.time for ts in whole]
+    write_dump(tmp_path / "run" / "trajectory.lammpstrj", times, position, position)
+    diverged = analyze(tmp_path / "run")
+    assert diverged.clumps.results.pieces[-1] == 0
+    draw_figures(diverged, tmp_path / "figures")

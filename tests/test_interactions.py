@@ -3,6 +3,7 @@ and the refusals that rest on them."""
 
 import importlib
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -23,16 +24,25 @@ EXPONENTS = [0.0, 0.5, 2.0, 3.7]
 
 
 def integral(function, start, end):
-    return quad(function, start, end, epsabs=0, epsrel=1e-13, limit=400)[0]
+    return quad(function, start, end, epsabs=0, epsrel=1e-12, limit=400)[0]
+
+
+def area_at(strain, radii):
+    """The lens of eq. B.1-B.6 in terms of the strain, so that nothing cancels near touch."""
+    reach, rim = sum(radii), 2 * min(radii) / sum(radii)
+    if strain > rim:
+        return np.pi * min(radii) ** 2
+    chords = strain * (2 - strain) * (rim - strain) * (2 - rim - strain)
+    return np.pi / 4 * reach**2 * chords / (1 - strain) ** 2 if strain < 1 else 0.0
 
 
 def work_to(strain, radii, exponent):
     """Integral of E^p A over the overlap, in pieces that end where a sphere is swallowed."""
-    reach, rim = sum(radii), 2 * min(radii) / sum(radii)
+    rim = 2 * min(radii) / sum(radii)
     ends = [0.0, strain] if strain <= rim else [0.0, rim, strain]
-    return sum(
-        integral(lambda e: e**exponent * ia.lens_area(reach * (1 - e), *radii) * reach, low, high)
-        for low, high in zip(ends[:-1], ends[1:], strict=True)
+    return sum(radii) * sum(
+        integral(lambda e: e**exponent * area_at(e, radii), low, high)
+        for low, high in pairwise(ends)
     )
 
 
@@ -73,6 +83,9 @@ class TestContact:
             expected = 3.0e5 * work_to(strain, radii, exponent)
             energy = 3.0e5 * ia._lens_work(strain, *radii, exponent)
             assert energy == pytest.approx(expected, rel=2e-12), strain
+            assert area_at(strain, radii) == pytest.approx(
+                ia.lens_area(sum(radii) * (1 - strain), *radii), rel=1e-15 / min(strain, 1e-3)
+            )
         distance = sum(radii) * (1 - strains_of(radii)[2])
         force = ia.contact_force(distance, *radii, 3.0e5, exponent)
         strain = ia.contact_strain(distance, *radii)
@@ -112,7 +125,7 @@ class TestContact:
 
     def test_softening(self):
         softened = ia.softened_stiffness(1e7, [300, 500, 5000], 500, 1, 1e6)
-        assert softened == pytest.approx([1.4918e7, 1e7, 1e6], rel=2e-6)
+        assert softened == pytest.approx([1.4918247e7, 1e7, 1e6], rel=1e-8)
         assert ia.pair_stiffness(2e6, 1e6) == 1.5e6
 
     def test_damping_and_friction(self):
@@ -146,9 +159,10 @@ class TestBond:
 
 FIELDS = [
     NearFieldLaw(0.5, beta_1, 0.01, beta_2, cutoff, width)
-    for beta_1, beta_2 in [(1.0, 2.0), (0.0, 3.5), (1 + 1e-9, 1 - 1e-6)]
-    for cutoff, width in [(np.inf, 0.0), (0.5, 0.0), (0.5, 0.1), (0.5, 0.5)]
+    for beta_1, beta_2 in [(1.0, 2.0), (0.0, 3.5)]
+    for cutoff, width in [(np.inf, 0.0), (0.5, 0.0), (0.5, 0.1), (0.5, 0.45)]
 ]
+FIELDS.append(NearFieldLaw(0.5, 1.0 + 1e-9, 0.01, 1.0 - 1e-6, 0.5, 0.1))
 
 
 class TestNearField:
@@ -174,7 +188,7 @@ class TestNearField:
     @pytest.mark.parametrize("law", FIELDS)
     def test_energy_is_the_work_and_gradient_the_slope(self, law):
         places = [0.02, 0.1, 0.35, 0.4, 0.43, 0.49999]
-        for start, end in zip(places[:-1], places[1:], strict=True):
+        for start, end in pairwise(places):
             work = integral(lambda d: ia.near_field_force(d, 2.0, law), start, end)
             energy = ia.near_field_energy(np.array([start, end]), 2.0, law)
             assert energy[1] - energy[0] == pytest.approx(work, rel=1e-10, abs=1e-11), start
@@ -208,7 +222,7 @@ class TestHertz:
         force = ia.hertz_force([-1e-3, 1e-3], ia.effective_radius(0.05, 0.05), modulus)
         assert force == pytest.approx([0.0, 36.630036630], rel=1e-9)
 
-    @pytest.mark.parametrize("radii", RADII)
+    @pytest.mark.parametrize("radii", RADII[:3])
     def test_the_lens_law_goes_to_hertz_at_small_overlaps(self, radii):
         stiffness = ia.stiffness_like_hertz(*radii, 2.0e6)
         overlap = min(radii) * np.array([1e-2, 1e-4, 1e-6])
@@ -217,8 +231,14 @@ class TestHertz:
         # The deviation falls in proportion to the overlap.
         assert np.abs(excess[0]) < 0.03
         assert excess[1:] / excess[0] == pytest.approx([1e-2, 1e-4], rel=0.02)
-        if radii == RADII[0]:
-            assert stiffness == pytest.approx(4 * 2.0e6 / (3 * np.pi))
+
+    def test_equal_spheres_are_weaker_than_hertz_by_half_the_strain(self):
+        stiffness = ia.stiffness_like_hertz(0.05, 0.05, 2.0e6)
+        assert stiffness == pytest.approx(4 * 2.0e6 / (3 * np.pi))
+        strain = np.array([0.01, 0.1, 0.4])
+        lens = ia.contact_force(0.1 * (1 - strain), 0.05, 0.05, stiffness, 0.5)
+        hertz = ia.hertz_force(0.1 * strain, 0.025, 2.0e6)
+        assert lens / hertz == pytest.approx(1 - strain / 2, rel=1e-12)
 
 
 class TestEquilibrium:
@@ -261,14 +281,14 @@ def section_9(**changes):
     content = {
         "name": "contact_blast",
         "particles": {
-            "count": 200,
+            "count": 125,
             "radius": 0.05,
             "density": 7000.0,
             "charge_per_mass": 10.0,
             "packing": {"domain_radius": 1.0},
         },
         # The pulse speed of 2000 particles and 1e4 J.
-        "blast": {"energy": 1.0e3},
+        "blast": {"energy": 625.0},
         "fields": {"magnetic": [10.0, 0.0, 0.0]},
         "contact": {
             "stiffness": 1e7,
@@ -367,7 +387,7 @@ class TestStepAdvice:
         """Two spheres head on, by velocity-Verlet, without dissipation."""
         case = section_9(**NOTHING_BUT_CONTACT | {"contact": {"stiffness": 1e7, "exponent": 2.0}})
         contact = self.scales(case)["contact"]
-        speed = np.sqrt(2 * 1e3 / CLOUD.mass.sum())
+        speed = np.sqrt(2 * 625.0 / CLOUD.mass.sum())
         errors = [
             abs(bounce(CLOUD.mass[0] / 2, 2 * speed, contact.seconds / steps) - 1)
             for steps in (contact.steps, 1.0)
@@ -441,12 +461,15 @@ class TestPairKinds:
         rng = np.random.default_rng(5)
         radius, mass, source = rng.uniform(0.1, 1.0, (3, 5000))
         pairs = pair_kinds(radius, mass, source)
-        assert len(pairs.reach) < 600
+        assert len(pairs.reach) < 1000
         assert pairs.radius_i.min() == radius.min()
         assert max(pairs.radius_j.max(), pairs.radius_i.max()) == radius.max()
-        low, high = np.sort(mass)[:2], np.sort(mass)[-2:]
-        assert pairs.effective_mass.min() <= 1.05 * low[0] * low[1] / sum(low)
-        assert pairs.effective_mass.max() >= 0.9 * high[0] * high[1] / sum(high)
+        ordered = np.sort(mass)
+        for found, (a, b) in (
+            (pairs.effective_mass.min(), ordered[:2]),
+            (pairs.effective_mass.max(), ordered[-2:]),
+        ):
+            assert found == pytest.approx(a * b / (a + b))
 
 
 class TestRefusals:
@@ -459,8 +482,8 @@ class TestRefusals:
         with pytest.raises(CaseError, match=r"^near_field\.attraction\.strength: .* got 500\.0"):
             check_near_field(section_9(near_field=near_field), CLOUD)
         # Of a single such particle among light ones there is no such pair.
-        radius = np.where(np.arange(125) == 7, 0.05, 0.005)
-        check_near_field(section_9(near_field=near_field), make_particles(GRID, radius=radius))
+        density = np.where(np.arange(125) == 7, 7000.0, 7.0)
+        check_near_field(section_9(near_field=near_field), make_particles(GRID, density=density))
 
     def test_unlike_signs_attract_by_the_repulsion(self):
         near_field = NEAR_FIELD | {
@@ -504,7 +527,7 @@ class TestDerivedNumbers:
     def test_section_9(self):
         numbers = derive_numbers(section_9())
         # K_po e^0.4, and the balance of energy 1/2 m_eff (2 v)^2 = pi/4 K s^3 E^4 (1/2 - E/5).
-        assert numbers["contact_stiffness"].value == pytest.approx(1.4918e7, rel=2e-6)
+        assert numbers["contact_stiffness"].value == pytest.approx(1.4918247e7, rel=1e-8)
         strain = numbers["launch_strain"].value
         energy = np.pi / 4 * 1.4918247e7 * 1e-3 * strain**4 * (0.5 - strain / 5)
         assert energy == pytest.approx(3.6651914 * 1.6518**2, rel=1e-4)
@@ -515,8 +538,8 @@ class TestDerivedNumbers:
         assert numbers["friction_time"].value > numbers["dissipation_time"].value > 0
 
     def test_large_clouds_have_all_but_the_step(self):
-        many = section_9().particles.model_copy(update={"count": 10**7, "radius": 1e-3})
-        numbers = derive_numbers(section_9(particles=many.model_dump()))
+        particles = section_9().particles.model_dump() | {"count": 10**7, "radius": 1e-3}
+        numbers = derive_numbers(section_9(particles=particles))
         assert numbers["contact_time"].value > 0
         assert numbers["near_field_at_touch"].value is not None
         assert "more than" in numbers["advised_step"].note
@@ -543,3 +566,20 @@ def test_every_closed_form_is_on_the_physics_page():
     own = {n for n, f in vars(module).items() if getattr(f, "__module__", "") == module.__name__}
     public = {name for name in own if not name.startswith("_")} - {"NearFieldLaw", "Scaling"}
     assert not {name for name in public if f"interactions.py::{name}`" not in page}
+
+
+def test_numbers_of_section_9_on_the_physics_page():
+    page = (REPOSITORY / "docs" / "physics.md").read_text(encoding="utf-8")
+    particles = section_9().particles.model_dump() | {"count": 2000}
+    numbers = derive_numbers(section_9(particles=particles, blast={"energy": 1e4}))
+    for name, shown, value in [
+        ("contact_stiffness", "1.4918·10⁷ N/m²", 1.4918e7),
+        ("launch_strain", "0.208", 0.208),
+        ("contact_time", "8.32 ms", 8.32e-3),
+        ("dissipation_time", "6.27 ms", 6.27e-3),
+        ("friction_time", "7.92 ms", 7.92e-3),
+        ("near_field_at_touch", "53.7 N", 53.7),
+        ("equilibrium_strain", "0.0629", 0.0629),
+    ]:
+        assert f"| {shown} |" in page
+        assert numbers[name].value == pytest.approx(value, rel=2e-3), name

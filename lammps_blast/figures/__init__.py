@@ -1,14 +1,15 @@
-"""Pictures of an analysed run, as PNG files: the cloud, its velocities, its envelope, its energy.
+"""Pictures of an analysed run, as PNG files: cloud, velocities, envelope, energy, clumps, contacts.
 
-They are the counterparts of the paper's figures 5 to 7, and more. A module a figure; each function
+They are the counterparts of the paper's figures 5 to 9, and more. A module a topic; each function
 returns a :class:`matplotlib.figure.Figure`, which a notebook shows and :func:`draw_figures` saves.
 Whatever a run lacks (theory, radii, charges, fields, velocities, an energy table, more than one
 frame) is left out of the pictures, and the pictures say so.
 
 No formula of physics stands here: what is expected comes from :mod:`lammps_blast.theory`.
 
-The figures are drawn by `cloud`, `velocities`, `semi_axes` and `energy`; `scene` holds what is
-drawn in space, `sampling` what frames can show of a gyration, `style` the looks and the panels.
+The figures are drawn by `cloud`, `velocities`, `semi_axes` and `energy` and, of particles that
+interact, by `clumps`, `contacts` and `pair_distances`; `scene` holds what is drawn in space,
+`sampling` what frames can show of a gyration, `style` the looks and the panels.
 """
 
 from __future__ import annotations
@@ -22,7 +23,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from lammps_blast.figures.cloud import charge_figure, cloud_figure, has_both_charges
+from lammps_blast.figures.clumps import clump_figure, clump_statistics_figure
+from lammps_blast.figures.contacts import contact_figure
 from lammps_blast.figures.energy import energy_figure
+from lammps_blast.figures.pair_distances import pair_distance_figure
 from lammps_blast.figures.semi_axes import semi_axis_figure
 from lammps_blast.figures.style import STYLE
 from lammps_blast.figures.velocities import velocity_figure
@@ -33,8 +37,12 @@ if TYPE_CHECKING:
 __all__ = [
     "charge_figure",
     "cloud_figure",
+    "clump_figure",
+    "clump_statistics_figure",
+    "contact_figure",
     "draw_figures",
     "energy_figure",
+    "pair_distance_figure",
     "semi_axis_figure",
     "velocity_figure",
 ]
@@ -47,7 +55,8 @@ def draw_figures(analyses: Analyses, folder: Path) -> None:
 
     `cloud.png` and `semi_axes.png`; `cloud_charges.png` for a cloud of both positive and negative
     particles; `velocities.png` where the dump has velocities; `energy.png` where it has them or
-    there is an energy table.
+    there is an energy table; `clumps.png`, `clump_statistics.png` and
+    `pair_distances.png` of particles that interact, and `contacts.png` if any of them ever touch.
 
     Raises
     ------
@@ -62,6 +71,12 @@ def draw_figures(analyses: Analyses, folder: Path) -> None:
         figures["velocities"] = velocity_figure
     if analyses.energy or analyses.ledger:
         figures["energy"] = energy_figure
+    if analyses.clumps:
+        figures |= {"clumps": clump_figure, "clump_statistics": clump_statistics_figure}
+    if analyses.contacts and analyses.contacts.results.fullest:
+        figures["contacts"] = contact_figure
+    if analyses.distances:
+        figures["pair_distances"] = pair_distance_figure
     for name, figure in figures.items():
         _save(figure(analyses), folder / f"{name}.png")
 

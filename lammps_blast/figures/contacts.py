@@ -13,7 +13,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from lammps_blast.contacts import ContactNetwork, distribution_about_mean
 from lammps_blast.figures.cloud import SPEED_COLOURS
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from lammps_blast.analyze import Analyses
 
 # Inches: the two projections side by side, the highest that they may be, what is under them.
-PROJECTIONS, HIGHEST, LOWER_PART = 5.6, 3.2, 3.25
+PROJECTIONS, HIGHEST, LOWER_PART = 5.6, 3.2, 3.35
 # Widths in points of the lines of the weakest and of the strongest contact.
 THIN, THICK = 0.4, 2.4
 
@@ -54,8 +54,8 @@ def contact_figure(analyses: Analyses) -> Figure:
     scale = ContactScale.of(network)
     figure = _draw_projections(analyses, network, scale)
     scale.draw_bar(figure)
-    _draw_distribution(add_axes(figure, (0.62, 0.6, 2.75, 1.55)), scale)
-    _draw_history(stack(figure, (4.15, 0.6, 2.3, 1.55), 2, gap=0.15), analyses)
+    _draw_distribution(add_axes(figure, (0.62, 0.72, 2.75, 1.55)), scale)
+    _draw_history(stack(figure, (4.15, 0.72, 2.3, 1.55), 2, gap=0.15), analyses)
     write_head(figure, analyses)
     write_foot(figure, list(_remarks(analyses)))
     return figure
@@ -119,7 +119,8 @@ class ContactScale:
 
 def _draw_projections(analyses: Analyses, network: ContactNetwork, scale: ContactScale) -> Figure:
     """Return a figure with the network seen from the side and seen along the axis."""
-    directions, names = directions_about(analyses.axis)
+    directions, indices = directions_about(analyses.axis)
+    names = [f"${index}$" if index in "xyz" else f"$r_{index}$" for index in indices]
     position = analyses.universe.trajectory[network.frame].data["position"] @ directions.T
     low, high = _box(position, analyses.cloud.radius)
     inches = min(PROJECTIONS / (high - low)[:2].sum(), HIGHEST / (high - low)[2])
@@ -138,8 +139,8 @@ def _draw_projections(analyses: Analyses, network: ContactNetwork, scale: Contac
         axes.set_ylim(low[2] / unit.size, high[2] / unit.size)
         axes.xaxis.set_major_locator(MaxNLocator(max(2, int(widths[across] / 0.45))))
         axes.yaxis.set_major_locator(MaxNLocator(max(2, int(widths[2] / 0.4))))
-        axes.set_xlabel(f"${names[across]}$ ({unit.name})")
-        axes.set_ylabel(f"${names[2]}$ ({unit.name})", labelpad=1.0)
+        axes.set_xlabel(f"{names[across]} ({unit.name})")
+        axes.set_ylabel(f"{names[2]} ({unit.name})", labelpad=1.0)
         view = "from the side" if across == 0 else f"along {analyses.axis_name}"
         axes.set_title(f"seen {view}", fontsize=7.0, pad=3.0)
     write_at(
@@ -187,7 +188,11 @@ def _draw_distribution(axes: Axes, scale: ContactScale) -> None:
     axes.stairs(density, edges, color=BLUE, linewidth=0.8)
     axes.plot(middle[filled], density[filled], "o", color=BLUE)
     axes.set_yscale("log")
-    axes.set_ylim(0.5 * density[filled].min(), 2.0 * density.max())
+    # A decade at least, so that a tick has a number.
+    top = 2.0 * density.max()
+    axes.set_ylim(min(0.5 * density[filled].min(), 0.08 * top), top)
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlim(0.0, edges[-1])
     count, mean = len(scale.values), scale.values.mean() / scale.unit.size
     axes.set_title(

@@ -57,8 +57,9 @@ def pair_distance_figure(analyses: Analyses) -> Figure:
 def _draw_gaps(axes: Axes, analyses: Analyses, frame: int, look: dict[str, str]) -> None:
     gap = np.sort(analyses.distances.results.nearest_gap[frame])
     gap = gap[np.isfinite(gap)]
-    share = np.arange(1, len(gap) + 1) / len(analyses.cloud.mass)
-    axes.step(gap, 100.0 * share, where="post", **look)
+    share = np.arange(len(gap) + 1) / len(analyses.cloud.mass)
+    if len(gap):
+        axes.step(np.append(gap[0], gap), 100.0 * share, where="post", **look)
 
 
 def _label_gaps(axes: Axes, analyses: Analyses) -> None:
@@ -80,9 +81,13 @@ def _draw_shells(axes: Axes, analyses: Analyses, frame: int, look: dict[str, str
 def _label_shells(axes: Axes, analyses: Analyses) -> None:
     results = analyses.distances.results
     filled = np.flatnonzero(results.neighbours.any(axis=0))
+    if len(filled):
+        axes.set_yscale("log")
+    else:
+        text = f"none within {results.edges[-1]:g}"
+        axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", color="0.35")
     nearest = results.edges[filled[0]] if len(filled) else 1.0
     axes.axvline(1.0, color="0.8", linewidth=0.8, zorder=0)
-    axes.set_yscale("log")
     axes.set_xlim(min(nearest, 0.85), results.edges[-1])
     axes.set_xlabel("distance of centres (mean diameters; 1: touch)")
     axes.set_ylabel("neighbours / volume")

@@ -29,12 +29,14 @@ MOST_STEPS = 200_000
 def relaxation_commands(packed: PackedParticles, step: float) -> str:
     """Return the commands that relax packed spheres and leave them at rest about their centre.
 
+    They end with the deck's own time step.
+
     Parameters
     ----------
     packed
         The packing, in a domain about the origin.
     step
-        The time step that the commands find set, and use (s). Springs are made to suit it.
+        A time step (s). Springs are made to suit it.
     """
     radius = packed.radius
     wide = radius * (1.0 + ALLOWANCE)
@@ -54,6 +56,7 @@ def relaxation_commands(packed: PackedParticles, step: float) -> str:
 variable centre_x equal $(xcm(all,x):%.17g)
 variable centre_y equal $(xcm(all,y):%.17g)
 variable centre_z equal $(xcm(all,z):%.17g)
+timestep {number(step)}
 set group all diameter {number(2.0 * wide)}
 pair_style {CONTACT_STYLE}
 pair_coeff * * stiffness {number(stiffness)} exponent 0
@@ -85,4 +88,5 @@ displace_atoms all move $(v_centre_x-xcm(all,x):%.17g) $(v_centre_y-xcm(all,y):%
 velocity all set 0.0 0.0 0.0
 pair_style none
 reset_timestep 0 time 0.0
+timestep ${{step}}
 """

@@ -28,7 +28,7 @@ from lammps_blast.deck import (
 from lammps_blast.engine import LOG, EngineError, InterruptedRunError, lammps_warnings, run_deck
 from lammps_blast.interaction_warnings import case_warnings, check_near_field
 from lammps_blast.particles import Particles, create_particles
-from lammps_blast.step_advice import step_warnings
+from lammps_blast.step_advice import advised_step, step_warnings
 
 DONE, INVALID, FAILED, INTERRUPTED = 0, 2, 3, 130
 
@@ -97,6 +97,13 @@ def run_case(
     except OSError as error:
         raise FolderError(f"cannot write the run folder {folder}: {error}") from error
     console.print(f"{case.name}: {len(particles)} particles, {case.time.steps} steps in {folder}")
+    if case.interacts and (advised := advised_step(case, particles)):
+        step, scale = advised
+        console.print(
+            f"limiting time scale: {scale.name}, {scale.seconds:.3g} s; advised time.step up to"
+            f" {step:g} s",
+            highlight=False,
+        )
     for warning in (*step_warnings(case, particles), *case_warnings(case, particles)):
         console.print(f"WARNING: {warning}", highlight=False, markup=False)
     if left := case.time.steps % case.output_every:

@@ -27,6 +27,7 @@ FixBlastLosses::FixBlastLosses(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, nar
   if (strcmp(arg[1], "all") != 0) error->all(FLERR, "{} requires group all", STYLE);
   if (!atom->radius_flag || !atom->rmass_flag)
     error->all(FLERR, "{} requires atom attributes radius and rmass", STYLE);
+  turns = atom->omega_flag && atom->torque_flag;
   restart_global = 1;
   nevery = 1;
   vector_flag = 1;
@@ -52,7 +53,6 @@ void FixBlastLosses::init()
   pair = static_cast<PairBlastContact *>(force->pair_match("blast/contact", 1));
   if (pair) {
     pair->keep_contacts();
-    heat_counted = pair->formation_heat;
   } else if (!counts_pair_work) {
     error->all(FLERR, "{} requires pair style blast/contact, or the keyword: work yes", STYLE);
   }
@@ -60,6 +60,8 @@ void FixBlastLosses::init()
 
 void FixBlastLosses::setup(int vflag)
 {
+  // Bonds that are there at the start are part of it.
+  if (pair) heat_counted = pair->formation_heat;
   post_force(vflag);
 }
 
@@ -102,7 +104,7 @@ FixBlastLosses::MeanMotion FixBlastLosses::mean_motion(int i, double sign) const
   const double quarter = 0.25 * sign * update->dt, mass = atom->rmass[i];
   MeanMotion mean;
   mean.velocity = Vector3(atom->v[i]) + (quarter / mass) * Vector3(atom->f[i]);
-  if (!atom->omega_flag || !atom->torque_flag) return mean;
+  if (!turns) return mean;
   const double inertia = blast::moment_of_inertia(mass, atom->radius[i]);
   mean.spin = Vector3(atom->omega[i]) + (quarter / inertia) * Vector3(atom->torque[i]);
   return mean;
@@ -112,6 +114,7 @@ void FixBlastLosses::tally_contacts(double sign)
 {
   const double half_step = 0.5 * update->dt;
   for (const Contact &contact : pair->kept_contacts()) {
+    if (contact.damping == 0.0 && contact.friction == 0.0 && contact.bond_friction == 0.0) continue;
     // How fast the particle follows a unit force along the normal, and one along the tangent.
     const Vector3 turning = cross(contact.normal, contact.tangent);
     const auto speeds = [&](int particle, double arm) {

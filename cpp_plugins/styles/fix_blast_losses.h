@@ -43,6 +43,7 @@ private:
 
   class PairBlastContact *pair = nullptr;
   bool counts_pair_work = false;
+  bool turns = false;        // whether particles have spins and torques
   double heat_counted = 0.0; // of the pair style's formation heat
   EnergyTally<CHANNELS> tally;
   std::vector<blast::Vector3> pair_force, pair_torque; // of the last evaluation, by local index

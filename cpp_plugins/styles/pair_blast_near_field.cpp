@@ -163,20 +163,26 @@ void PairBlastNearField::compute(int eflag, int vflag)
 void PairBlastNearField::work_out_factors()
 {
   const int count = all_pairs ? atom->nlocal : atom->nlocal + atom->nghost;
-  const int *sign = nullptr;
-  if (!signs.empty()) {
-    int is_number, columns;
-    sign = atom->ivector[atom->find_custom(signs.c_str() + 2, is_number, columns)];
-  }
+  const int *sign = sign_property();
   factors.resize(count);
-  for (int i = 0; i < count; i++) {
-    if (sign && sign[i] != 1 && sign[i] != -1)
-      error->one(FLERR, "{}: property {} of atom {} is neither 1 nor -1", STYLE, signs,
-                 atom->tag[i]);
-    factors[i] = blast::near_field_factor(scaling, atom->rmass_flag ? atom->rmass[i] : 0.0,
-                                          atom->radius_flag ? atom->radius[i] : 0.0,
-                                          atom->q_flag ? atom->q[i] : 0.0, sign ? sign[i] : 1.0);
-  }
+  for (int i = 0; i < count; i++) factors[i] = factor_of(i, sign);
+}
+
+// The signs c of eq. 7.23 by local index, or nullptr where all are positive.
+const int *PairBlastNearField::sign_property() const
+{
+  if (signs.empty()) return nullptr;
+  int is_number, columns;
+  return atom->ivector[atom->find_custom(signs.c_str() + 2, is_number, columns)];
+}
+
+double PairBlastNearField::factor_of(int i, const int *sign) const
+{
+  if (sign && sign[i] != 1 && sign[i] != -1)
+    error->one(FLERR, "{}: property {} of atom {} is neither 1 nor -1", STYLE, signs, atom->tag[i]);
+  return blast::near_field_factor(scaling, atom->rmass_flag ? atom->rmass[i] : 0.0,
+                                  atom->radius_flag ? atom->radius[i] : 0.0,
+                                  atom->q_flag ? atom->q[i] : 0.0, sign ? sign[i] : 1.0);
 }
 
 void PairBlastNearField::compute_by_list()
@@ -361,7 +367,9 @@ double PairBlastNearField::single(int i, int j, int itype, int jtype, double squ
                                   double /*factor_coul*/, double /*factor_lj*/, double &fforce)
 {
   const NearField &between = field(itype, jtype);
-  const double distance = std::sqrt(square), both = factors[i] * factors[j];
+  const double distance = std::sqrt(square);
+  const int *sign = sign_property();
+  const double both = factor_of(i, sign) * factor_of(j, sign);
   fforce = -both * near_field_force(between, distance) / distance;
   return both * near_field_energy(between, distance);
 }

@@ -48,6 +48,8 @@ private:
   void allocate();
   blast::NearField &field(int itype, int jtype) { return fields[itype * (types + 1) + jtype]; }
   void work_out_factors();
+  const int *sign_property() const;
+  double factor_of(int i, const int *sign) const;
   void compute_by_list();
   void compute_all_pairs();
   void arrange_everyone();

@@ -1,22 +1,16 @@
-"""The step loop of section 6: particles that do not interact, in B and air, without output.
-
-LAMMPS's own loop time counts; packing, start-up and reading the data do not.
-"""
+"""The step loop of section 6: particles that do not interact, in B and air, without output."""
 
 from __future__ import annotations
 
-import re
-import tempfile
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable
 
-from benchmarks.section_6 import MAGNETIC, MEDIUM_DENSITY, PULSE_ENERGY, STEP, VISCOSITY
-from lammps_blast.deck import system_commands, write_particle_data
-from lammps_blast.engine import start_lammps
+from benchmarks.lammps_loop import LammpsLoop
+from benchmarks.peers import plain_euler, plasmapy_boris, tuned_euler
+from benchmarks.results import Row, Samples, measure_in_turn
+from benchmarks.section_6 import MAGNETIC, MEDIUM_DENSITY, PULSE_ENERGY, STEP, VISCOSITY, cloud
 from lammps_blast.particles import Particles
 
 STEPS = 10_000
-WARM_UP_STEPS = 200
 
 FIELD = "magnetic {} {} {}".format(*MAGNETIC)
 AIR = f"density {MEDIUM_DENSITY} viscosity {VISCOSITY}"
@@ -30,42 +24,53 @@ INTEGRATORS = {
     "fix integrate all nve/sphere",
 }
 
+LOOP_LIMIT = 12.0  # ns per particle-step on one core
+NUMPY_GOAL, PLASMAPY_GOAL = 4.0, 6.0
 
-@dataclass(frozen=True)
-class StepLoop:
-    """Runs the loop with one of INTEGRATORS, each time from the start of the blast."""
-
-    particles: Particles
-    integrator: str
-    steps: int = STEPS
-
-    def __call__(self) -> float:
-        """Return ns per particle-step."""
-        with tempfile.TemporaryDirectory() as folder:
-            data, log = Path(folder, "particles.data"), Path(folder, "log.lammps")
-            write_particle_data(self.particles, data)
-            lammps = start_lammps(log="none")
-            try:
-                lammps.commands_string(self._deck(data, log))
-            finally:
-                lammps.close()
-            return 1e9 * _loop_seconds(log) / (len(self.particles) * self.steps)
-
-    def _deck(self, data: Path, log: Path) -> str:
-        system = system_commands(self.particles, str(data)).replace("${step}", f"{STEP}")
-        return f"""{system}
-{INTEGRATORS[self.integrator]}
-blast_pulse all {PULSE_ENERGY} seed 1
-thermo 0
-run {WARM_UP_STEPS} post no
-log {log}
-run {self.steps}
-log none
-"""
+PLAIN, TUNED = "numpy, eq. 6.2", "numpy, tuned by hand"
+PLASMAPY = "PlasmaPy Boris"
+NS = "ns/particle-step"
 
 
-def _loop_seconds(log: Path) -> float:
-    loop = re.search(r"Loop time of (\S+) on 1 procs", log.read_text())
-    if loop is None:
-        raise RuntimeError(f"LAMMPS did not say how long its loop took: {log.read_text()}")
-    return float(loop.group(1))
+def step_rows(repeats: int, tell: Callable[[str], None]) -> list[Row]:
+    """Measure our step loops and those of the peers, all in turn."""
+    particles = cloud()
+    contestants: dict[str, Callable[[], float]] = {
+        name: step_loop(particles, name) for name in INTEGRATORS
+    }
+    contestants[PLAIN] = plain_euler(particles)
+    contestants[TUNED] = tuned_euler(particles)
+    boris = plasmapy_boris(particles)
+    if boris is not None:
+        contestants[PLASMAPY] = boris
+    return _rows(measure_in_turn(contestants, repeats, tell))
+
+
+def step_loop(particles: Particles, integrator: str) -> LammpsLoop:
+    """Return the loop with one of INTEGRATORS, from the start of the blast."""
+    pulse = f"blast_pulse all {PULSE_ENERGY} seed 1"
+    return LammpsLoop(particles, STEP, f"{INTEGRATORS[integrator]}\n{pulse}", STEPS)
+
+
+def _rows(times: dict[str, Samples]) -> list[Row]:
+    chow, none, boris = times["chow"], times["none"], times.get(PLASMAPY)
+    rows = [Row("step loop, drag chow", chow, "limit", LOOP_LIMIT, NS, goal=1.0)]
+    rows += [
+        Row(f"step loop, drag {law}", times[law], "drag chow", chow, NS)
+        for law in ("none", "constant", "stokes")
+    ]
+    rows += [
+        Row("step loop, verlet, drag chow", times["verlet"], "drag chow", chow, NS),
+        Row("step loop, drag chow", chow, PLAIN, times[PLAIN], NS, goal=NUMPY_GOAL),
+        Row("step loop, drag chow", chow, TUNED, times[TUNED], NS),
+        Row(
+            "step loop, drag none",
+            none,
+            PLASMAPY,
+            boris,
+            NS,
+            goal=PLASMAPY_GOAL,
+            remark="" if boris else "not installed",
+        ),
+    ]
+    return rows

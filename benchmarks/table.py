@@ -14,7 +14,7 @@ from benchmarks.results import Row, Samples
 
 CAPTION = (
     "ratio: best of the rounds, and in brackets the median of the ratios within a round; "
-    "peers are measured in turn with ours"
+    "peers are measured in turn with ours; a pair has two interactions, one on each particle"
 )
 VERDICTS = {True: "met", False: "MISSED", None: ""}
 

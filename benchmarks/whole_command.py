@@ -8,9 +8,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from benchmarks.results import Row, measure_in_turn
 from benchmarks.section_6 import CASE_FILE, REPOSITORY
 from lammps_blast.analyze import analyze, write_results
 from lammps_blast.case import load_case
@@ -19,6 +20,23 @@ from lammps_blast.engine import run_deck
 from lammps_blast.particles import create_particles
 
 CORES = 2
+LIMIT = 20.0  # s on so many cores
+
+
+def command_rows(repeats: int, tell: Callable[[str], None]) -> list[Row]:
+    """Measure the whole command, and once its stages."""
+    times = measure_in_turn({"the whole command": command_seconds}, repeats, tell)
+    tell("stages of the command")
+    row = Row(
+        "lammps_blast.run, section 6",
+        times["the whole command"],
+        "limit",
+        LIMIT,
+        "s",
+        goal=1.0,
+        details=stage_seconds(),
+    )
+    return [row]
 
 
 def command_seconds() -> float:

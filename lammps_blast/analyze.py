@@ -38,6 +38,7 @@ from lammps_blast.clumps import CLUMP_NUMBERS, Clumps, PairDistances
 from lammps_blast.contacts import CONTACT_NUMBERS, ContactFrames, Contacts, close_pairs
 from lammps_blast.deck import CASE, CONTACT_TABLE, ENERGY_ACCOUNTS, ENERGY_TABLE
 from lammps_blast.engine import LOG
+from lammps_blast.pair_histories import FEW_PARTICLES, PairHistories
 from lammps_blast.spheroid import SpheroidTheory
 from lammps_blast.trajectory import TrajectoryError, find_trajectory, open_universe
 
@@ -56,6 +57,7 @@ FIGURES = (
     "clump_statistics",
     "contacts",
     "pair_distances",
+    "pair_histories",
 )
 
 TRACKED_PARTICLES = 6
@@ -102,6 +104,7 @@ class Analyses:
     clumps: Clumps | None = None
     contacts: Contacts | None = None
     distances: PairDistances | None = None
+    histories: PairHistories | None = None
 
 
 def analyze(
@@ -137,11 +140,14 @@ def analyze(
     speeds = energy = None
     if "velocity" in universe.trajectory[0].data:
         speeds, energy = Speeds(universe, tracked), KineticEnergy(universe)
-    clumps = contacts = distances = None
+    clumps = contacts = distances = histories = None
     if _particles_meet(universe, case):
         clumps, distances = Clumps(universe, axis=envelope.axis), PairDistances(universe)
-        contacts = Contacts(universe, _recorded_contacts(folder) if case else None)
-    Together(*filter(None, (envelope, speeds, energy, clumps, contacts))).run()
+        recorded = _recorded_contacts(folder) if case else None
+        contacts = Contacts(universe, recorded)
+        if universe.atoms.n_atoms <= FEW_PARTICLES:
+            histories = PairHistories(universe, recorded)
+    Together(*filter(None, (envelope, speeds, energy, clumps, contacts, histories))).run()
     if distances:
         distances.run(frames=_spread_over(len(universe.trajectory), DISTANCE_FRAMES))
 
@@ -165,6 +171,7 @@ def analyze(
         clumps=clumps,
         contacts=contacts,
         distances=distances,
+        histories=histories,
     )
 
 

@@ -306,6 +306,45 @@ def friction_force(
     return np.where(sticks, trial, np.multiply(dynamic, normal_force))[()]
 
 
+def collision_spin(
+    speed: ArrayLike,
+    angle: ArrayLike,
+    radius_i: ArrayLike,
+    mass_i: ArrayLike,
+    mass_j: ArrayLike,
+    dynamic: ArrayLike,
+    restitution: ArrayLike = 1.0,
+) -> Any:
+    """Spin in rad/s that friction gives sphere i when it meets sphere j; none spins before.
+
+    While the surfaces slide, the impulse of friction is mu_d times that along the line of centres,
+    (1 + e) m_eff v cos(theta); they stop sliding, and roll on each other, when it has come to
+    2/7 m_eff v sin(theta). The spin is 5/2 times the smaller one, over m_i R_i: for equal spheres
+    that lose nothing along the line of centres, omega R/v is the smaller one of
+    5/14 sin(theta) and 5/2 mu_d cos(theta). It is the limit of `friction_force` for a large
+    stiffness of friction.
+
+    Parameters
+    ----------
+    speed
+        Relative speed v in m/s.
+    angle
+        theta in rad, between the relative velocity and the line of centres at touch.
+    radius_i
+        R_i in m.
+    mass_i, mass_j
+        m in kg; of homogeneous spheres.
+    dynamic
+        mu_d; infinite for spheres that roll at any angle.
+    restitution
+        e, what the collision leaves of the speed along the line of centres.
+    """
+    angle = np.asarray(angle)
+    sliding = np.multiply(dynamic, np.add(1.0, restitution)) * np.cos(angle)
+    impulse = effective_mass(mass_i, mass_j) * np.minimum(2.0 / 7.0 * np.sin(angle), sliding)
+    return 2.5 * np.asarray(speed) * impulse / np.multiply(mass_i, radius_i)
+
+
 def bond_force(
     distance: ArrayLike,
     radius_i: ArrayLike,

@@ -15,6 +15,7 @@ from lammps_blast.analysis import (
     Together,
 )
 from lammps_blast.analyze import analyze
+from lammps_blast.deck import ENERGY_ACCOUNTS
 from lammps_blast.trajectory import open_universe
 
 AXIS = np.array([1.0, 2.0, -2.0]) / 3.0
@@ -193,22 +194,85 @@ def test_dump_of_positions_alone_gives_its_envelope(tmp_path):
     assert (tmp_path / "bare.analysis" / "figures" / "semi_axes.png").is_file()
 
 
+HEAD = ",".join(("time", *ENERGY_ACCOUNTS)) + "\n"
+OLDER_HEAD = "time,kinetic,rotational,electric_work,drag_loss,magnetic_work\n"
+# A blast of 10 J whose accounts balance to the last bit, with energy held at the start.
+BALANCED = {
+    "kinetic": [10.0, 4.0],
+    "rotational": [0.0, 1.0],
+    "contact_energy": [0.5, 1.5],
+    "bond_energy": [-0.25, -0.75],
+    "near_field_energy": [-300.0, -302.0],
+    "electric_work": [0.0, 2.0],
+    "drag_loss": [0.0, 3.0],
+    "magnetic_work": [0.0, 0.0],
+    "contact_loss": [0.0, 4.0],
+    "friction_loss": [0.0, 0.5],
+    "bond_friction_loss": [0.0, 0.25],
+    "bond_formation_loss": [0.0, 0.75],
+}
+# What one joule more in an account takes away from the residual.
+TAKEN = dict.fromkeys(ENERGY_ACCOUNTS, 1.0) | {"electric_work": -1.0, "magnetic_work": 0.0}
+
+
+def ledger_of(tmp_path, accounts):
+    rows = zip([0.0, 0.1], *(accounts[name] for name in ENERGY_ACCOUNTS), strict=True)
+    lines = (",".join(map(repr, row)) for row in rows)
+    (tmp_path / "energy.csv").write_text(HEAD + "\n".join(lines) + "\n")
+    return EnergyLedger.read(tmp_path / "energy.csv")
+
+
+def test_balanced_ledger_has_no_residual(tmp_path):
+    ledger = ledger_of(tmp_path, BALANCED)
+    assert ledger.residual.tolist() == [0.0, 0.0]
+    assert ledger.launch_energy == 10.0
+    assert ledger.potential.tolist() == [-299.75, -301.25]
+    assert ledger.interaction_loss.tolist() == [0.0, 5.5]
+
+
+@pytest.mark.parametrize("account", ENERGY_ACCOUNTS)
+def test_residual_counts_every_account_with_its_sign(tmp_path, account):
+    start, end = BALANCED[account]
+    ledger = ledger_of(tmp_path, BALANCED | {account: [start, end + 1.0]})
+    assert ledger.residual.tolist() == [0.0, -TAKEN[account]]
+
+
+@pytest.mark.parametrize(
+    ("grown", "turnover"),
+    [
+        ({}, 10.0),
+        # It is the change of a potential that counts, of either sign.
+        ({"near_field_energy": [-3000.0, -3050.0]}, 49.5),
+        ({"contact_energy": [0.5, 30.5], "bond_energy": [0.0, -10.0]}, 18.0),
+        ({"electric_work": [0.0, -70.0]}, 70.0),
+        ({"contact_loss": [0.0, 40.0], "friction_loss": [0.0, 2.0]}, 43.0),
+        ({"kinetic": [10.0, 20.0], "rotational": [0.0, 15.0]}, 20.0),
+        ({"magnetic_work": [0.0, 90.0]}, 10.0),
+    ],
+)
+def test_turnover_is_the_largest_account(tmp_path, grown, turnover):
+    assert ledger_of(tmp_path, BALANCED | grown).turnover == turnover
+
+
 def test_line_that_was_cut_short_is_left_out(tmp_path):
     path = tmp_path / "energy.csv"
-    head = "time,kinetic,rotational,electric_work,drag_loss,magnetic_work\n"
-    path.write_text(head + "0,9,0,0,0,0\n0.1,8,0,0,1,0\n0.2,7,0,0,2,0.00")
+    zeros = ",0" * (len(ENERGY_ACCOUNTS) - 1)
+    path.write_text(f"{HEAD}0,9{zeros}\n0.1,8{zeros}\n0.2,7{zeros[:-4]},0.00")
     with pytest.warns(UserWarning, match="cut short"):
         ledger = EnergyLedger.read(path)
     assert ledger.times == pytest.approx([0.0, 0.1])
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["", "time\n", "a,b\n1,2\n", "time,kinetic,rotational,electric_work,drag_loss,magnetic_work\n"],
-)
+@pytest.mark.parametrize("text", ["", "time\n", "a,b\n1,2\n", HEAD, HEAD + "0,1,2\n"])
 def test_damaged_energy_tables_are_refused(tmp_path, text):
     (tmp_path / "energy.csv").write_text(text)
     with pytest.raises(AnalysisError, match=r"energy\.csv"):
+        EnergyLedger.read(tmp_path / "energy.csv")
+
+
+def test_energy_table_of_another_version_is_refused_as_such(tmp_path):
+    (tmp_path / "energy.csv").write_text(OLDER_HEAD + "0,9,0,0,0,0\n")
+    with pytest.raises(AnalysisError, match=r"energy\.csv: not an energy table of this version"):
         EnergyLedger.read(tmp_path / "energy.csv")
 
 

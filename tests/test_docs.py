@@ -92,22 +92,56 @@ STYLE_BLOCKS = blocks(STYLES_PAGE, "lammps")
 EXAMPLE_BLOCKS = re.findall(r"^### Examples\n\n```lammps\n(.*?)^```$", STYLES_PAGE, re.M | re.S)
 
 
-def test_complete_input_runs_with_lmp_alone(tmp_path):
-    (complete,) = (text for text in STYLE_BLOCKS if text.startswith("units"))
-    (tmp_path / "in.example").write_text(complete)
-    done = lmp("-in", "in.example", folder=tmp_path)
+def last_table(log: str) -> dict[str, np.ndarray]:
+    """Return the columns of the last thermo output of a log."""
+    header, *rows = re.findall(r"^ +Step.*\n(?: +[-\d].*\n)+", log, re.M)[-1].splitlines()
+    values = np.array([row.split() for row in rows], dtype=float)
+    return dict(zip(header.split(), values.T, strict=True))
+
+
+def run_complete_input(title: str, folder: Path) -> str:
+    (complete,) = re.findall(rf"^## {title}\n.*?```lammps\n(.*?)^```$", STYLES_PAGE, re.M | re.S)
+    (folder / "in.example").write_text(complete)
+    done = lmp("-in", "in.example", folder=folder)
     assert done.returncode == 0, done.stdout
-    assert re.search(r"Loop time of \S+ on 1 procs for 1000 steps with 100 atoms", done.stdout)
+    return done.stdout
+
+
+def test_complete_input_runs_with_lmp_alone(tmp_path):
+    log = run_complete_input("A complete input", tmp_path)
+    assert re.search(r"Loop time of \S+ on 1 procs for 1000 steps with 100 atoms", log)
+
+
+def test_complete_input_with_contacts_forms_bonds_and_keeps_its_ledger(tmp_path):
+    """Each cube bonds within, then the two to each other."""
+    table = last_table(run_complete_input("A complete input with contacts", tmp_path))
+    within_the_cubes = 2 * 3 * 18
+    bonds = table["c_contact[4]"]
+    assert bonds[0] == 0
+    assert within_the_cubes in bonds
+    assert bonds[-1] == within_the_cubes + 9
+    assert table["v_lost"][-1] > 100.0
+    assert np.abs(table["v_created"]).max() < 2e-3 * table["KinEng"].max()
+
+
+# What the examples of fixes and computes are given to act on.
+PAIRS = "comm_modify vel yes\npair_style blast/contact\npair_coeff * * stiffness 1.0e7 exponent 2"
+
+
+def example_pieces(text: str) -> list[str]:
+    """Split a block of examples into its lines, or into pair styles with their coefficients."""
+    return re.findall(r"^pair_style.*\n(?:pair_coeff.*\n)+|^(?!pair_).*\n", text, re.M)
 
 
 def test_example_lines_of_the_styles_run(simulate):
-    lines = [line for text in EXAMPLE_BLOCKS for line in text.splitlines()]
+    pieces = [piece for text in EXAMPLE_BLOCKS for piece in example_pieces(text)]
     parts = [t for t in STYLE_BLOCKS if t not in EXAMPLE_BLOCKS and not t.startswith("units")]
-    assert len(EXAMPLE_BLOCKS) == 4
+    assert "".join(pieces) == "".join(EXAMPLE_BLOCKS)
+    assert len(EXAMPLE_BLOCKS) == 9
     assert parts
     simulation = simulate(random_cloud(10, seed=1, velocity=[1.0, 2.0, 3.0]))
-    for commands in [*lines, *parts]:
-        simulation.commands("group dust id 1:5\ntimestep 1.0e-4")
+    for commands in [*pieces, *parts]:
+        simulation.commands(f"group dust id 1:5\ntimestep 1.0e-4\n{PAIRS}")
         before = simulation.velocity
         simulation.commands(f"{commands}\nrun 2")
         if commands.startswith("blast_pulse"):
@@ -116,13 +150,15 @@ def test_example_lines_of_the_styles_run(simulate):
 
 
 def undo(simulation, commands):
-    """Take away the fixes, computes and dumps that some commands made, for others to follow."""
+    """Take away what some commands made and what they print, for others to follow."""
     for line in reversed(commands.splitlines()):
         kind, name = line.split()[:2]
         if kind in ("fix", "compute", "dump"):
             simulation.commands(f"un{kind} {name}")
         elif kind == "variable":
             simulation.commands(f"variable {name} delete")
+        elif kind == "thermo_style":
+            simulation.commands("thermo_style one")
 
 
 # --- what the pages name --------------------------------------------------------------------
@@ -153,10 +189,6 @@ def test_keys_said_to_be_not_supported_are_refused_as_such(tmp_path):
     text = SHIPPED_CASE.read_text(encoding="utf-8")
     section = CASE_PAGE.split("## Not supported yet")[1]
     refused = {
-        "contact": text + "contact: {law: zohdi}\n",
-        "bond": text + "bond: {}\n",
-        "near_field": text + "near_field: {}\n",
-        "particles.packing.relax": text.replace("rsa,", "rsa, relax: true,"),
         "time.integrator": text.replace("step: 1.0e-4", "step: 1.0e-4, integrator: implicit"),
         "time.implicit": text.replace("step: 1.0e-4", "step: 1.0e-4, implicit: {phi: 0.5}"),
     }
@@ -215,8 +247,9 @@ def test_numbers_of_the_physics_page_are_those_of_the_shipped_case():
 def test_every_style_of_the_plugin_has_its_section():
     source = (REPOSITORY / "cpp_plugins" / "plugin.cpp").read_text(encoding="utf-8")
     added = re.findall(r'add\("(\w+)", "([^"]+)"', source)
-    styles = [name if kind == "command" else f"{kind} {name}" for kind, name in added]
-    assert len(styles) >= 4
+    prefixes = {"command": "", "pair": "pair_style "}
+    styles = [prefixes.get(kind, f"{kind} ") + name for kind, name in added]
+    assert len(styles) >= 10
     for style in styles:
         section = re.search(rf"^## {style} command\n(.*?)(?=^## |\Z)", STYLES_PAGE, re.M | re.S)
         assert section, style

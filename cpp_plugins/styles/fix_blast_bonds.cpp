@@ -30,10 +30,30 @@ int FixBlastBonds::setmask()
   return PRE_EXCHANGE;
 }
 
+static bool contains(const std::vector<tagint> &list, tagint partner)
+{
+  return std::find(list.begin(), list.end(), partner) != list.end();
+}
+
 bool FixBlastBonds::has(int i, tagint partner) const
 {
-  const auto &list = partners[i];
-  return std::find(list.begin(), list.end(), partner) != list.end();
+  return contains(partners[i], partner);
+}
+
+bool FixBlastBonds::had(int i, tagint partner) const
+{
+  return has(i, partner) || (!doubtful.empty() && contains(doubtful[i], partner));
+}
+
+void FixBlastBonds::begin_review()
+{
+  doubtful.resize(partners.size());
+  std::swap(partners, doubtful);
+}
+
+void FixBlastBonds::end_review()
+{
+  for (auto &list : doubtful) list.clear();
 }
 
 void FixBlastBonds::form(int i, tagint partner)

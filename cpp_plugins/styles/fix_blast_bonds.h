@@ -20,6 +20,11 @@ public:
   void form(int i, tagint partner);
   void forget(int i, tagint partner);
 
+  // Between the two, bonds are in doubt: those that are not formed again are gone afterwards.
+  void begin_review();
+  void end_review();
+  bool had(int i, tagint partner) const; // before the review, or now
+
   int setmask() override;
   void pre_exchange() override;
   void grow_arrays(int) override;
@@ -37,6 +42,7 @@ private:
   int most_partners() const;
 
   std::vector<std::vector<tagint>> partners; // by local index
+  std::vector<std::vector<tagint>> doubtful; // during a review
 };
 
 } // namespace LAMMPS_NS

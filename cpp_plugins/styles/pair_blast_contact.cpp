@@ -215,6 +215,10 @@ void PairBlastContact::compute(int eflag, int vflag)
   contacts.clear();
   deepest = DeepestContact();
 
+  // A pair may part unseen between two builds of the list; a new one holds all that touch.
+  const bool reviews_bonds = bonds && neighbor->ago == 0;
+  if (reviews_bonds) bonds->begin_review();
+
   double **x = atom->x;
   const double *radius = atom->radius;
   const int *type = atom->type;
@@ -243,6 +247,7 @@ void PairBlastContact::compute(int eflag, int vflag)
       if (contact.strain > deepest.strain) deepest = {contact.strain, atom->tag[i], atom->tag[j]};
     }
   }
+  if (reviews_bonds) bonds->end_review();
 }
 
 Contact PairBlastContact::contact_between(int i, int j, const Vector3 &offset, double distance,
@@ -289,12 +294,12 @@ bool PairBlastContact::decide_bond(const Contact &contact, const ContactLaw &law
 {
   const tagint *tag = atom->tag;
   const int i = contact.i, j = contact.j;
-  const bool was_bonded = bonds && bonds->has(i, tag[j]);
+  const bool was_bonded = bonds && bonds->had(i, tag[j]);
   const bool bonded = is_bonded(law.bond, contact.strain, was_bonded);
-  if (bonded && !was_bonded && law.bond.lasts) {
+  if (bonded && law.bond.lasts) {
     bonds->form(i, tag[j]);
     if (j < atom->nlocal) bonds->form(j, tag[i]);
-    formation_heat -= share(contact) * bond_energy(contact, law);
+    if (!was_bonded) formation_heat -= share(contact) * bond_energy(contact, law);
   }
   return bonded;
 }

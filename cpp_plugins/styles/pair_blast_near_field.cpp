@@ -86,6 +86,12 @@ void PairBlastNearField::settings(int narg, char **arg)
     error->all(FLERR, "{} switch must be narrower than a cutoff", STYLE);
   if (!signs.empty() && scaling == Scaling::charge)
     error->all(FLERR, "{} with scaling charge takes signs from the charges", STYLE);
+
+  // Settings given anew hold for the coefficients given before.
+  for (NearField &given : fields) {
+    given.cutoff = cutoff;
+    given.switch_width = switch_width;
+  }
 }
 
 void PairBlastNearField::coeff(int narg, char **arg)

@@ -5,11 +5,12 @@ returns a :class:`matplotlib.figure.Figure`, which a notebook shows and :func:`d
 Whatever a run lacks (theory, radii, charges, fields, velocities, an energy table, more than one
 frame) is left out of the pictures, and the pictures say so.
 
-No formula of physics stands here: what is expected comes from :mod:`lammps_blast.theory`.
+No formula of physics stands here: what is expected comes from :mod:`lammps_blast.theory` and
+:mod:`lammps_blast.interactions`.
 
 The figures are drawn by `cloud`, `velocities`, `semi_axes` and `energy` and, of particles that
-interact, by `clumps`, `contacts` and `pair_distances`; `scene` holds what is drawn in space,
-`sampling` what frames can show of a gyration, `style` the looks and the panels.
+interact, by `clumps`, `contacts`, `pair_distances` and `pair_histories`; `scene` holds what is
+drawn in space, `sampling` what frames can show of a gyration, `style` the looks and the panels.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from lammps_blast.figures.clumps import clump_figure, clump_statistics_figure
 from lammps_blast.figures.contacts import contact_figure
 from lammps_blast.figures.energy import energy_figure
 from lammps_blast.figures.pair_distances import pair_distance_figure
+from lammps_blast.figures.pair_histories import pair_history_figure
 from lammps_blast.figures.semi_axes import semi_axis_figure
 from lammps_blast.figures.style import STYLE
 from lammps_blast.figures.velocities import velocity_figure
@@ -43,6 +45,7 @@ __all__ = [
     "draw_figures",
     "energy_figure",
     "pair_distance_figure",
+    "pair_history_figure",
     "semi_axis_figure",
     "velocity_figure",
 ]
@@ -56,7 +59,8 @@ def draw_figures(analyses: Analyses, folder: Path) -> None:
     `cloud.png` and `semi_axes.png`; `cloud_charges.png` for a cloud of both positive and negative
     particles; `velocities.png` where the dump has velocities; `energy.png` where it has them or
     there is an energy table; `clumps.png`, `clump_statistics.png` and
-    `pair_distances.png` of particles that interact, and `contacts.png` if any of them ever touch.
+    `pair_distances.png` of particles that interact; if any of them ever touch `contacts.png`, and
+    `pair_histories.png` if they are few.
 
     Raises
     ------
@@ -77,6 +81,8 @@ def draw_figures(analyses: Analyses, folder: Path) -> None:
         figures["contacts"] = contact_figure
     if analyses.distances:
         figures["pair_distances"] = pair_distance_figure
+    if analyses.histories and len(analyses.histories.results.pairs):
+        figures["pair_histories"] = pair_history_figure
     for name, figure in figures.items():
         _save(figure(analyses), folder / f"{name}.png")
 

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from lammps_blast.analysis import EnergyLedger
-from lammps_blast.figures.sampling import Sampling
+from lammps_blast.figures.sampling import Sampling, plot_frames
 from lammps_blast.figures.style import (
     BLUE,
     GREEN,
+    GREY,
     ORANGE,
     PURPLE,
     STYLE,
@@ -23,6 +25,7 @@ from lammps_blast.figures.style import (
     draw_magnitudes,
     finish_stack,
     largest_of,
+    put_legend_above,
 )
 
 if TYPE_CHECKING:
@@ -38,13 +41,31 @@ SERIES: dict[str, dict[str, Any]] = {
     },
     "work of E": {"color": ORANGE, "linestyle": "-.", "marker": "s", "markersize": 2.4},
     "lost to drag": {"color": PURPLE, "linestyle": "--", "marker": "^", "markersize": 2.4},
+    "potential": {"color": GREY, "linestyle": "-", "marker": "D", "markersize": 2.0},
+    "lost": {"color": PURPLE, "linestyle": "--", "marker": "v", "markersize": 2.4},
+    "contacts": {"color": ORANGE, "linestyle": "--", "marker": "s", "markersize": 2.4},
+    "bonds": {"color": GREEN, "linestyle": "-.", "marker": "^", "markersize": 2.4},
+    "near field": {"color": BLUE, "linestyle": "-", "marker": "o", "markersize": 2.4},
+    "friction": {"color": BLUE, "linestyle": "-", "marker": "o", "markersize": 2.4},
+    "drag": {"color": PURPLE, "linestyle": "-.", "marker": "v", "markersize": 2.4},
+    "bonds forming": {"color": GREEN, "linestyle": ":", "marker": "^", "markersize": 2.4},
+    "friction of bonds": {"color": GREY, "linestyle": "--", "marker": "D", "markersize": 2.0},
 }  # fmt: skip
+
+# A loss below such a part of the largest one has no place in a picture of both.
+FAINTEST_LOSS = 1e-6
 
 
 @rc_context(STYLE)
 def energy_figure(analyses: Analyses) -> Figure:
-    """Draw the energy ledger against time; without one, the energies in the trajectory."""
+    """Draw the energy ledger against time; without one, the energies in the trajectory.
+
+    Of particles that interact: what every kind of energy gained since launch, the potential
+    energies by themselves, what was lost by channel, and the error.
+    """
     ledger = analyses.ledger
+    if ledger and _is_of_interactions(ledger):
+        return _interaction_figure(analyses, ledger)
     energies = ledger or analyses.energy.results
     joined = _may_be_joined(analyses)
     remarks = list(_remarks(analyses, joined))
@@ -67,6 +88,72 @@ def energy_figure(analyses: Analyses) -> Figure:
     return figure
 
 
+def _is_of_interactions(ledger: EnergyLedger) -> bool:
+    return bool(ledger.potential.any() or ledger.interaction_loss.any())
+
+
+def _interaction_figure(analyses: Analyses, ledger: EnergyLedger) -> Figure:
+    """Draw the ledger of particles that interact, in panels each with a scale of its own.
+
+    Drag, contacts, friction and bonds may differ by many orders of magnitude.
+    """
+    joined = _may_be_joined(analyses)
+    launch = Unit.of(ledger.launch_energy, "J").show(ledger.launch_energy, ledger.launch_energy)
+    remarks = [f"kinetic energy at launch: {launch}", *_remarks(analyses, joined)]
+    changes, potentials, losses = _changes(ledger), _potentials(ledger), _losses(ledger)
+    count = 2 + bool(potentials) + bool(losses)
+    figure, panels = column_of_panels(analyses, remarks, count, 1.5 * count)
+    clock = Unit.of(float(ledger.times[-1]), "s")
+    seconds = ledger.times / clock.size
+    rest = iter(panels)
+    _draw_changes(next(rest), seconds, changes, joined, "since launch")
+    if potentials:
+        _draw_changes(next(rest), seconds, potentials, joined, "potential")
+    if losses:
+        _draw_losses(next(rest), seconds, losses, joined)
+    _draw_errors(next(rest), seconds, ledger, analyses.checks.get("energy_ledger"))
+    finish_stack(panels, clock, ledger.times)
+    return figure
+
+
+def _changes(ledger: EnergyLedger) -> dict[str, np.ndarray]:
+    """Return what each kind of energy gained since launch, and what came and went, J."""
+    changes = {
+        "kinetic": ledger.kinetic - ledger.kinetic[0],
+        "rotational": ledger.rotational - ledger.rotational[0],
+        "potential": ledger.potential - ledger.potential[0],
+        "work of E": ledger.electric_work,
+        "lost": ledger.drag_loss + ledger.interaction_loss,
+    }
+    return _not_empty(changes)
+
+
+def _potentials(ledger: EnergyLedger) -> dict[str, np.ndarray]:
+    """Return what each potential energy gained since launch, J."""
+    potentials = {
+        "contacts": ledger.contact_energy,
+        "bonds": ledger.bond_energy,
+        "near field": ledger.near_field_energy,
+    }
+    return _not_empty({name: values - values[0] for name, values in potentials.items()})
+
+
+def _losses(ledger: EnergyLedger) -> dict[str, np.ndarray]:
+    """Return what was lost since launch, by channel, J."""
+    losses = {
+        "drag": ledger.drag_loss,
+        "contacts": ledger.contact_loss,
+        "friction": ledger.friction_loss,
+        "bonds forming": ledger.bond_formation_loss,
+        "friction of bonds": ledger.bond_friction_loss,
+    }
+    return _not_empty(losses)
+
+
+def _not_empty(accounts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    return {name: values for name, values in accounts.items() if values.any()}
+
+
 def _remarks(analyses: Analyses, joined: bool) -> Iterator[str]:
     if analyses.ledger is None:
         yield "from the trajectory; no energy table"
@@ -77,9 +164,10 @@ def _remarks(analyses: Analyses, joined: bool) -> Iterator[str]:
 
 
 def _may_be_joined(analyses: Analyses) -> bool:
-    """Tell whether a line through energies is honest: only E and a wind make them swing."""
+    """Tell whether a line through energies is honest: a magnetic field alone lets none swing."""
     case = analyses.case
-    swings = case is None or any((*case.fields.electric, *case.medium.velocity))
+    swings = case is None or case.interacts
+    swings = swings or any((*case.fields.electric, *case.medium.velocity))
     return not swings or Sampling.of(analyses).resolved
 
 
@@ -97,6 +185,51 @@ def _draw_energies(
     if axes.lines:
         axes.legend(loc="best")
     return unit
+
+
+def _draw_changes(
+    axes: Axes, seconds: np.ndarray, series: dict[str, np.ndarray], joined: bool, what: str
+) -> None:
+    """Plot changes of energies (name: values, J) about zero."""
+    unit = Unit.of(largest_of(*series.values()), "J")
+    for name, values in series.items():
+        look = SERIES["change of kinetic energy" if name == "kinetic" else name]
+        plot_frames(axes, seconds, values / unit.size, joined, label=name, **look)
+    axes.axhline(0.0, color="0.8", linewidth=0.5, zorder=0)
+    axes.set_ylabel(f"{what} ({unit.name})")
+    put_legend_above(axes)
+
+
+def _draw_losses(
+    axes: Axes, seconds: np.ndarray, losses: dict[str, np.ndarray], joined: bool
+) -> None:
+    """Plot losses (name: values, J) on a log axis; on a linear one if any was taken back.
+
+    Losses that are as good as nothing beside the largest are named, but not drawn.
+    """
+    largest = largest_of(*losses.values())
+    floor = FAINTEST_LOSS * largest
+    if any(np.any(values < -floor) for values in losses.values()):
+        _draw_changes(axes, seconds, losses, joined, "lost")
+        return
+    faint = [name for name, values in losses.items() if largest_of(values) < floor]
+    shown = {
+        name: np.where(values >= floor, values, np.nan)
+        for name, values in losses.items() if name not in faint
+    }  # fmt: skip
+    for name, values in shown.items():
+        plot_frames(axes, seconds, values, joined, label=name, **SERIES[name])
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(numticks=6))
+    axes.yaxis.set_minor_locator(NullLocator())
+    # A decade at least, so that a tick has a number.
+    top = 3.0 * largest
+    axes.set_ylim(min(0.5 * min(map(np.nanmin, shown.values())), 0.05 * top), top)
+    axes.set_ylabel("lost (J)")
+    put_legend_above(axes)
+    if faint:
+        text = f"{', '.join(faint)}: less than {floor:.0e} J"
+        axes.text(0.99, 0.04, text, transform=axes.transAxes, fontsize=6.5, ha="right")
 
 
 def _draw_errors(

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from lammps_blast.figures.style import (
     BLUE,
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 
 # Colour and line of the first, a middle and the last frame.
 FRAME_STYLES = ((GREEN, ":"), (ORANGE, "--"), (BLUE, "-"))
+# Share of the particles whose gaps the axis holds: one that has escaped would squeeze all others.
+SHOWN_SHARE = 0.995
 
 
 @rc_context(STYLE)
@@ -42,10 +45,11 @@ def pair_distance_figure(analyses: Analyses) -> Figure:
         look = {"color": colour, "linestyle": line, "label": f"t = {clock.show(time, last)}"}
         _draw_gaps(gaps, analyses, frame, look)
         _draw_shells(shells, analyses, frame, look)
-    _label_gaps(gaps, analyses)
+    cut = _label_gaps(gaps, analyses)
     _label_shells(shells, analyses)
     write_head(figure, analyses)
     remarks = [
+        *cut,
         "mean diameter: the sum of the radii of a pair",
         "neighbours: mean number in a shell about a particle over the shell's volume in mean"
         " diameters cubed, not divided by an ideal density, which an expanding cloud lacks",
@@ -62,19 +66,35 @@ def _draw_gaps(axes: Axes, analyses: Analyses, frame: int, look: dict[str, str])
         axes.step(np.append(gap[0], gap), 100.0 * share, where="post", **look)
 
 
-def _label_gaps(axes: Axes, analyses: Analyses) -> None:
+def _label_gaps(axes: Axes, analyses: Analyses) -> list[str]:
+    """Set limits and labels; return a remark on the gaps beyond the axis, if there are any."""
     gap = analyses.distances.results.nearest_gap
+    farthest, largest = _reach_of_gaps(gap)
+    nearest = min(np.min(gap, initial=0.0), -0.05)
     axes.axvline(0.0, color="0.8", linewidth=0.8, zorder=0)
-    axes.set_xlim(min(np.min(gap, initial=0.0), -0.05), None)
+    axes.set_xlim(nearest - 0.02 * (farthest - nearest), farthest)
     axes.set_ylim(0.0, 103.0)
     axes.set_xlabel("gap to the nearest surface (mean diameters)")
     axes.set_ylabel("particles with a smaller gap (%)")
+    if largest <= farthest:
+        return []
+    return [f"gaps beyond the axis, of fewer than 1 % of the particles: up to {largest:.3g}"]
+
+
+def _reach_of_gaps(gap: np.ndarray) -> tuple[float, float]:
+    """Return where the axis ends and the largest gap, of gaps (T, N) to nearest neighbours."""
+    frames = [row[np.isfinite(row)] for row in gap]
+    frames = [row for row in frames if len(row)]
+    if not frames:
+        return 1.0, 0.0
+    most = max(np.quantile(row, SHOWN_SHARE, method="higher") for row in frames)
+    return 1.05 * max(float(most), 0.05), float(max(row.max() for row in frames))
 
 
 def _draw_shells(axes: Axes, analyses: Analyses, frame: int, look: dict[str, str]) -> None:
     results = analyses.distances.results
-    neighbours = results.neighbours[frame]
-    filled = np.where(neighbours > 0.0, neighbours, np.nan)
+    # An empty shell lies below the axis, so that what stands alone is seen to.
+    filled = np.maximum(results.neighbours[frame], np.finfo(float).tiny)
     axes.stairs(filled, results.edges, baseline=None, **look)
 
 
@@ -82,7 +102,7 @@ def _label_shells(axes: Axes, analyses: Analyses) -> None:
     results = analyses.distances.results
     filled = np.flatnonzero(results.neighbours.any(axis=0))
     if len(filled):
-        axes.set_yscale("log")
+        _make_plain_log_scale(axes, results.neighbours[results.neighbours > 0.0])
     else:
         text = f"none within {results.edges[-1]:g}"
         axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", color="0.35")
@@ -92,3 +112,13 @@ def _label_shells(axes: Axes, analyses: Analyses) -> None:
     axes.set_xlabel("distance of centres (mean diameters; 1: touch)")
     axes.set_ylabel("neighbours / volume")
     axes.legend(loc="best")
+
+
+def _make_plain_log_scale(axes: Axes, values: np.ndarray) -> None:
+    """Give positive values a log axis with plain numbers: 0.2, 0.5, 1; decades where it is long."""
+    axes.set_yscale("log")
+    low, high = values.min() / 1.3, values.max() * 1.3
+    axes.set_ylim(low, high)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 300.0 * low else (1.0,)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())

@@ -185,10 +185,15 @@ def draw_magnitudes(
     elif nothing:
         text = "; ".join(nothing)
         axes.text(1.0, 1.03, text, transform=axes.transAxes, fontsize=7.0, ha="right")
+    put_legend_above(axes)
+
+
+def put_legend_above(axes: Axes) -> None:
+    """Put the legend in a row above a panel, as points may lie anywhere in it."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        # Above the panel: points may lie anywhere in it.
         axes.legend(
             handles, labels, ncols=len(handles), loc="lower left", bbox_to_anchor=(-0.02, 0.98),
             borderaxespad=0.0, columnspacing=1.2, handlelength=1.2, handletextpad=0.4,
+            frameon=False,
         )  # fmt: skip

@@ -1,0 +1,105 @@
+"""The near field of section 9 over all pairs, and the same law through a neighbour list.
+
+Forces alone, with no step of energies among them. An interaction is the force on one particle from
+one other: N particles have N (N - 1) of them, in N (N - 1) / 2 pairs. The list has a cutoff wider
+than the cloud, so that all pairs are in it, and is made before the clock starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from benchmarks.lammps_loop import LammpsLoop
+from benchmarks.results import Row, Samples, measure_in_turn
+from benchmarks.section_9 import COUNT, PLAIN_INTEGRATION, PULSE_ENERGY, pair_law, section_9
+from lammps_blast.particles import create_particles
+
+LIMIT = 1.0  # ns an interaction
+LIST_GOAL = 2.0
+WARM_UP_STEPS = 2
+WIDER_THAN_CLOUD = 5.0  # m
+
+# LAMMPS works out energies at the end of a run for the computes that may be asked for them.
+NO_ENERGIES = """\
+thermo_style custom step
+uncompute thermo_pe
+uncompute thermo_press"""
+
+
+@dataclass(frozen=True)
+class Exponents:
+    """Of attraction and repulsion; and how many steps tell what they cost, by sum and by list."""
+
+    attraction: float
+    repulsion: float
+    steps: int
+    steps_by_list: int
+
+    def loop(self, cutoff: float | str, steps: int) -> LammpsLoop:
+        """Return the loop from the blast on, in ns a pair."""
+        field = {
+            "attraction": {"exponent": self.attraction},
+            "repulsion": {"exponent": self.repulsion},
+            "cutoff": cutoff,
+        }
+        case = section_9(
+            "near_field_all_pairs", contact=None, output={"contacts": False}, near_field=field
+        )
+        pulse = f"blast_pulse all {COUNT * PULSE_ENERGY} seed 1"
+        return LammpsLoop(
+            create_particles(case),
+            case.time.step,
+            "\n".join([pair_law(case), PLAIN_INTEGRATION, pulse, NO_ENERGIES]),
+            steps,
+            WARM_UP_STEPS,
+            case,
+            parts=COUNT * (COUNT - 1) // 2,
+        )
+
+
+WHOLE = Exponents(1.0, 2.0, steps=200, steps_by_list=30)
+OTHERS = (
+    Exponents(1.5, 2.5, steps=100, steps_by_list=30),
+    Exponents(1.1, 2.2, steps=10, steps_by_list=10),
+)
+
+
+def near_field_rows(repeats: int, tell: Callable[[str], None]) -> list[Row]:
+    """Measure sum and list in turn, for whole exponents, halves, and others."""
+    whole, by_list = _measure(WHOLE, repeats, tell)
+    rows = [
+        Row(
+            _name(WHOLE),
+            Samples(tuple(0.5 * time for time in whole.values)),
+            "limit",
+            LIMIT,
+            "ns/interaction",
+            goal=1.0,
+        ),
+        _row(WHOLE, whole, by_list, goal=LIST_GOAL),
+    ]
+    return rows + [_row(other, *_measure(other, repeats, tell)) for other in OTHERS]
+
+
+def _measure(
+    exponents: Exponents, repeats: int, tell: Callable[[str], None]
+) -> tuple[Samples, Samples]:
+    all_pairs, by_list = _name(exponents), f"{_name(exponents)}, by list"
+    loops = {
+        all_pairs: exponents.loop("all", exponents.steps),
+        by_list: exponents.loop(WIDER_THAN_CLOUD, exponents.steps_by_list),
+    }
+    times = measure_in_turn(loops, repeats, tell)
+    return times[all_pairs], times[by_list]
+
+
+def _row(
+    exponents: Exponents, all_pairs: Samples, by_list: Samples, goal: float | None = None
+) -> Row:
+    return Row(_name(exponents), all_pairs, "neighbour list", by_list, "ns/pair", goal=goal)
+
+
+def _name(exponents: Exponents) -> str:
+    powers = f"{exponents.attraction:g} and {exponents.repulsion:g}"
+    return f"near field, all pairs, exponents {powers}"

@@ -23,7 +23,7 @@ def ledger_rows(repeats: int, tell: Callable[[str], None]) -> list[Row]:
     blast = flight(steps=9_800, warm_up_steps=200, integration=INTEGRATORS["chow"])
     return [
         *_rows("contact blast", blast, repeats, tell),
-        *_rows("jammed contacts", jam(steps=1_000, warm_up_steps=100), repeats, tell),
+        *_rows("jammed contacts", jam(steps=500, warm_up_steps=100), repeats, tell),
     ]
 
 

@@ -61,7 +61,7 @@ class Exponents:
 WHOLE = Exponents(1.0, 2.0, steps=200, steps_by_list=30)
 OTHERS = (
     Exponents(1.5, 2.5, steps=100, steps_by_list=30),
-    Exponents(1.1, 2.2, steps=10, steps_by_list=10),
+    Exponents(1.1, 2.2, steps=5, steps_by_list=5),
 )
 
 

@@ -592,7 +592,7 @@ def _near_field_rows(launch: _Launch) -> Iterator[DerivedNumber]:
                 strain = np.array(overlaps, dtype=float) / pairs.reach
     note = "positive where it attracts"
     yield _row("near_field_at_touch", "F_nf", force, "N", "eq. 7.23", note)
-    note = "where contact and near field balance"
+    note = "where contact and near field of two particles alone balance"
     yield _row("equilibrium_strain", "E_eq", strain, "", "eq. 7.5, 7.23", note)
 
 

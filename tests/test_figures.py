@@ -13,7 +13,7 @@ from matplotlib.image import imread
 from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-from lammps_blast import figures
+from lammps_blast import figures, interactions
 from lammps_blast.analyze import FIGURES, Analyses, analyze
 from lammps_blast.deck import ENERGY_ACCOUNTS
 from lammps_blast.figures import (
@@ -25,10 +25,12 @@ from lammps_blast.figures import (
     draw_figures,
     energy_figure,
     pair_distance_figure,
+    pair_history_figure,
     scene,
     semi_axis_figure,
     velocity_figure,
 )
+from lammps_blast.figures import contacts as contact_pictures
 
 OMEGA, SPEED, RADIUS = 10.0, 2.0, 0.05
 
@@ -69,11 +71,14 @@ def gyrating(n: int, times: np.ndarray, sign: np.ndarray | float = 1.0):
 
 
 def write_dump(
-    path: Path, times, position, velocity, *, charge=1.0, radius=RADIUS, missing=""
+    path: Path, times, position, velocity, *, charge=1.0, radius=RADIUS, missing="", spin=None
 ) -> None:
+    """Write a text dump; `spin` (T, N) are angular velocities about z."""
     n = position.shape[1]
     fixed = {"id": np.arange(1, n + 1), "mass": np.ones(n), "radius": radius, "q": charge}
     columns = [*fixed, "x", "y", "z", "vx", "vy", "vz"]
+    if spin is not None:
+        columns += ["omegax", "omegay", "omegaz"]
     columns = [name for name in columns if name not in missing.split()]
     with path.open("w") as file:
         for step, time in enumerate(np.asarray(times).tolist()):
@@ -82,6 +87,8 @@ def write_dump(
             file.write(f"ITEM: ATOMS {' '.join(columns)}\n")
             values = fixed | dict(zip(("x", "y", "z"), position[step].T, strict=True))
             values |= dict(zip(("vx", "vy", "vz"), velocity[step].T, strict=True))
+            if spin is not None:
+                values |= {"omegax": 0.0, "omegay": 0.0, "omegaz": spin[step]}
             table = np.column_stack([np.broadcast_to(values[name], n) for name in columns])
             np.savetxt(file, table, fmt=["%d"] + ["%.15g"] * (len(columns) - 1))
 
@@ -141,6 +148,47 @@ def make_clumped(folder: Path, *, frames=3, magnetic=(OMEGA, 0, 0), recorded=Tru
                 file.write("ITEM: BOX BOUNDS ss ss ss\n" + "-9 9\n" * 3)
                 file.write("ITEM: ENTRIES id1 id2 strain normal_force\n")
                 file.writelines(f"{i} {i + 1} 1e-3 {10 * i}\n" for i in range(1, count + 1))
+    return analyze(folder)
+
+
+def make_pairs(
+    folder: Path, stories: dict[str, list[float]], *, contact="", spins=None
+) -> Analyses:
+    """Pairs along y, each with its gap (mean diameters) in every frame; a bond where it is < -0.05.
+
+    A bond lasts until the pair separates. `spins` are those of the pairs in the last frame.
+    """
+    folder.mkdir()
+    gaps = np.array(list(stories.values())).T
+    frames, count = gaps.shape
+    times = 1e-3 * np.arange(frames)
+    position = np.zeros((frames, count, 2, 3))
+    position[..., 1] = 8.0 * RADIUS * np.arange(count)[:, None]
+    position[..., 0] = RADIUS * (1.0 + gaps)[..., None] * [-1.0, 1.0]
+    velocity = np.gradient(position, times, axis=0)
+    spin = np.zeros((frames, count, 2))
+    if spins is not None:
+        spin[-1] = np.array(spins)[:, None]
+    shape = (frames, 2 * count, 3)
+    write_dump(
+        folder / "trajectory.lammpstrj", times, position.reshape(shape), velocity.reshape(shape),
+        spin=spin.reshape(shape[:2]),
+    )  # fmt: skip
+    write_case(folder, n=2 * count, duration=times[-1], magnetic=(0, 0, 0))
+    with (folder / "case.yaml").open("a") as case:
+        case.write(f"contact: {{law: zohdi, stiffness: 1.0e7, exponent: 2{contact}}}\n")
+    bonded = np.zeros(count, dtype=bool)
+    with (folder / "contacts.lammpsdump").open("w") as file:
+        for step, gap in enumerate(gaps):
+            bonded = (bonded | (gap < -0.05)) & (gap <= 0.0)
+            rows = [
+                f"{2 * i + 1} {2 * i + 2} {-gap[i]} {-1e3 * gap[i]} {1e3 * bonded[i]}\n"
+                for i in np.flatnonzero(gap <= 0.0)
+            ]
+            file.write(f"ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ENTRIES\n{len(rows)}\n")
+            file.write("ITEM: BOX BOUNDS ss ss ss\n" + "-9 9\n" * 3)
+            file.write("ITEM: ENTRIES id1 id2 strain normal_force bond_force\n")
+            file.writelines(rows)
     return analyze(folder)
 
 
@@ -377,6 +425,78 @@ def test_the_energy_ledger_is_drawn_with_its_limit(run):
     np.testing.assert_allclose(magnetic.get_ydata(), 1e-12 / 24.0)
 
 
+def interacting_ledger(folder: Path, **changes: np.ndarray) -> Figure:
+    """Return the picture of a ledger whose accounts grow by powers of two, but for `changes`."""
+    grown = 2.0 ** np.arange(21) - 1.0
+    accounts = {
+        "kinetic": 24.0 - 0.01 * grown,
+        "contact_energy": 1.0 + 0.5 * grown,
+        "near_field_energy": -0.3 * grown,
+        "drag_loss": grown,
+        "contact_loss": 1e-3 * grown,
+        "bond_formation_loss": 1e-9 * grown,
+    } | changes
+    run = make_run(folder)
+    rows = zip(*accounts.values(), strict=True)
+    times = run.envelope.results.times
+    lines = (
+        ledger_row(time, **dict(zip(accounts, row, strict=True)))
+        for time, row in zip(times, rows, strict=True)
+    )
+    write_ledger(folder, *lines)
+    return energy_figure(analyze(folder))
+
+
+def test_energies_of_interactions_are_drawn_as_changes_and_losses_by_channel(tmp_path):
+    figure = interacting_ledger(tmp_path / "run")
+    changes, potentials, losses, error = figure.axes
+    grown = 2.0 ** np.arange(21) - 1.0
+    drawn = {line.get_label(): np.array(line.get_ydata()) for line in changes.lines}
+    unit = {"J": 1.0, "kJ": 1e3, "MJ": 1e6}[changes.get_ylabel().split("(")[1][:-1]]
+    np.testing.assert_allclose(drawn["kinetic"] * unit, -0.01 * grown, atol=1e-9)
+    np.testing.assert_allclose(drawn["potential"] * unit, 0.2 * grown, atol=1e-9)
+    np.testing.assert_allclose(drawn["lost"] * unit, (1.001 + 1e-9) * grown)
+    assert "rotational" not in drawn
+    assert "work of E" not in drawn
+    drawn = {line.get_label(): np.array(line.get_ydata()) for line in potentials.lines}
+    unit = {"J": 1.0, "kJ": 1e3, "MJ": 1e6}[potentials.get_ylabel().split("(")[1][:-1]]
+    np.testing.assert_allclose(drawn["contacts"] * unit, 0.5 * grown)
+    np.testing.assert_allclose(drawn["near field"] * unit, -0.3 * grown)
+    assert "bonds" not in drawn
+
+    assert losses.get_yscale() == "log"
+    drawn = {line.get_label(): np.array(line.get_ydata()) for line in losses.lines}
+    assert set(drawn) == {"drag", "contacts"}
+    floor = 1e-6 * grown[-1]
+    for name, values in (("drag", grown), ("contacts", 1e-3 * grown)):
+        visible = values >= floor
+        np.testing.assert_allclose(drawn[name][visible], values[visible])
+        assert np.isnan(drawn[name][~visible]).all()
+    assert losses.get_ylim()[0] < floor
+    assert losses.get_ylim()[1] > grown[-1]
+    assert "bonds forming: less than" in words(figure)
+    assert error.get_yscale() == "log"
+    assert "kinetic energy at launch: 24.0 J" in words(figure)
+
+
+def test_losses_that_are_given_back_have_a_linear_axis(tmp_path):
+    swings = 1e6 * np.sin(np.arange(21.0))
+    losses = interacting_ledger(tmp_path / "run", contact_loss=swings).axes[2]
+    assert losses.get_yscale() == "linear"
+    contacts = next(line for line in losses.lines if line.get_label() == "contacts")
+    assert np.min(contacts.get_ydata()) < 0.0
+
+
+@pytest.mark.parametrize(
+    ("empty", "missing"), [("contact_energy", "potential"), ("contact_loss", "lost")]
+)
+def test_without_potentials_or_without_losses_there_is_no_panel_for_them(tmp_path, empty, missing):
+    also = ("near_field_energy", "drag_loss", "bond_formation_loss", empty)
+    figure = interacting_ledger(tmp_path / "run", **dict.fromkeys(also, np.zeros(21)))
+    drawn = [axes.get_ylabel().split(" (")[0] for axes in figure.axes[:-1]]
+    assert drawn == ["since launch", "potential" if missing == "lost" else "lost"]
+
+
 def test_both_charges_get_a_picture_of_their_own(tmp_path):
     sign = np.where(np.arange(12) % 2, 1.0, -1.0)
     mixed = make_run(tmp_path / "mixed", frames=3, turns=0.2, sign=sign)
@@ -533,12 +653,11 @@ def clumped(tmp_path_factory) -> Analyses:
     return make_clumped(tmp_path_factory.mktemp("runs") / "clumped")
 
 
-def test_a_run_whose_particles_meet_gets_four_figures_more(clumped, tmp_path):
+def test_a_run_whose_particles_meet_gets_five_figures_more(clumped, tmp_path):
     draw_figures(clumped, tmp_path)
-    names = {"clumps.png", "clump_statistics.png", "contacts.png", "pair_distances.png"}
-    drawn = {file.name for file in tmp_path.iterdir()}
-    assert names < drawn
-    assert {name.removesuffix(".png") for name in drawn} < set(FIGURES)
+    names = {"clumps", "clump_statistics", "contacts", "pair_distances", "pair_histories"}
+    drawn = {file.name.removesuffix(".png") for file in tmp_path.iterdir()}
+    assert names < drawn < set(FIGURES)
 
 
 def test_particles_have_the_colour_of_the_size_of_their_clump(clumped, monkeypatch):
@@ -572,7 +691,8 @@ def test_clump_statistics_are_those_of_the_analysis(clumped):
     assert shapes.lines[-1].get_xdata() == pytest.approx([6])
 
 
-def test_the_contact_network_joins_the_centres_of_spheres_that_press(clumped):
+def test_the_contact_network_joins_the_centres_of_spheres_that_press(clumped, monkeypatch):
+    monkeypatch.setattr(contact_pictures, "MOST_BARS", 4)
     figure = contact_figure(clumped)
     centres = clumped.universe.trajectory[-1].data["position"]
     for axes, shown in zip(figure.axes[:2], ([0, 2], [1, 2]), strict=True):
@@ -592,14 +712,22 @@ def test_the_contact_network_joins_the_centres_of_spheres_that_press(clumped):
         assert np.ptp(axes.get_xlim()) / width == pytest.approx(np.ptp(axes.get_ylim()) / height)
     assert "normal force (N)" in words(figure)
     assert "5 contacts, mean 30 N" in words(figure)
-    contacts = figure.axes[-2]
-    assert contacts.lines[0].get_ydata() == pytest.approx([0, 0, 5])
-    (per_particle,) = contacts.child_axes
+    number = figure.axes[-2]
+    assert number.lines[0].get_ydata() == pytest.approx([0, 0, 5])
+    (per_particle,) = number.child_axes
     figure.draw_without_rendering()
-    assert per_particle.get_ylim()[1] == pytest.approx(contacts.get_ylim()[1] * 2 / 11)
+    assert per_particle.get_ylim()[1] == pytest.approx(number.get_ylim()[1] * 2 / 11)
 
 
-def test_contacts_without_a_record_are_coloured_by_strain(tmp_path):
+def test_few_contacts_are_drawn_one_by_one(clumped):
+    bars = contact_figure(clumped).axes[3]
+    names = [label.get_text() for label in bars.get_yticklabels()]
+    assert names == ["1 and 2", "2 and 3", "3 and 4", "4 and 5", "5 and 6"]
+    assert [bar.get_width() for bar in bars.patches] == pytest.approx([10, 20, 30, 40, 50])
+
+
+def test_contacts_without_a_record_are_coloured_by_strain(tmp_path, monkeypatch):
+    monkeypatch.setattr(contact_pictures, "MOST_BARS", 4)
     figure = contact_figure(make_clumped(tmp_path / "run", recorded=False))
     assert "7 contacts, mean 0.1 %" in words(figure)  # those of the line of three as well
     assert "strain (%)" in words(figure)
@@ -613,6 +741,31 @@ def test_gaps_and_shells_of_a_clumped_run(clumped):
     last = gaps.lines[2]
     assert last.get_xdata() == pytest.approx(np.full(10, -1e-3))
     assert last.get_ydata() == pytest.approx(100 / 11 * np.arange(10))
+
+
+def test_a_particle_far_away_does_not_squeeze_the_gaps_of_all_others(tmp_path):
+    n = 1000
+    lattice = np.stack(np.unravel_index(np.arange(n), (10, 10, 10)), axis=1)
+    gaps = np.random.default_rng(1).uniform(0.0, 0.3, n)
+    position = 2.0 * RADIUS * 1.3 * lattice - RADIUS * gaps[:, None] / np.sqrt(3.0)
+    position[-1] = [0.0, 0.0, -2.0 * RADIUS * 5.0]
+    folder = tmp_path / "run"
+    folder.mkdir()
+    write_dump(folder / "trajectory.lammpstrj", [0.0], position[None], position[None])
+    write_case(folder, n=n, duration=0.1)
+    with (folder / "case.yaml").open("a") as case:
+        case.write("contact: {law: zohdi, stiffness: 1.0e7, exponent: 2}\n")
+    figure = pair_distance_figure(analyze(folder))
+    gaps, shells = figure.axes
+    assert gaps.get_xlim()[1] < 0.6
+    assert gaps.lines[0].get_xdata()[-1] > 3.0
+    assert "gaps beyond the axis, of fewer than 1 % of the particles: up to" in words(figure)
+    figure.draw_without_rendering()
+    low, high = shells.get_ylim()
+    ticks = zip(shells.get_yticks(), shells.get_yticklabels(), strict=True)
+    shown = [label.get_text() for tick, label in ticks if low <= tick <= high]
+    assert len(shown) > 1
+    assert [f"{float(text):g}" for text in shown] == shown
 
 
 def test_contacts_that_swing_with_the_turns_are_not_joined(tmp_path):
@@ -637,7 +790,12 @@ def test_clumps_in_other_fields(tmp_path, magnetic, frames, recorded):
 def test_the_foot_of_a_figure_stays_clear_of_its_axes(clumped, tmp_path):
     alone = make_clumped(tmp_path / "run", recorded=False, magnetic=(1000.0, 2000.0, 500.0))
     for run in (clumped, alone):
-        for draw in (clump_statistics_figure, contact_figure, pair_distance_figure):
+        for draw in (
+            clump_statistics_figure,
+            contact_figure,
+            pair_distance_figure,
+            pair_history_figure,
+        ):
             figure = draw(run)
             FigureCanvasAgg(figure)
             figure.draw_without_rendering()
@@ -671,3 +829,91 @@ def test_a_clumped_run_that_diverged(tmp_path):
     diverged = analyze(tmp_path / "run")
     assert diverged.clumps.results.pieces[-1] == 0
     draw_figures(diverged, tmp_path / "figures")
+
+
+STORIES = {
+    "bounces": [0.1, 0.05, -0.02, -0.03, 0.01, 0.1, 0.1],
+    "bond forms, holds": [0.1, 0.01, -0.06, -0.1, -0.04, -0.04, -0.04],
+    "bond from the start, holds": [-0.1, -0.09, -0.08, -0.07, -0.07, -0.07, -0.07],
+    "bond from the start, breaks": [-0.1, -0.05, -0.02, 0.1, 1.0, 5.0, 9.0],
+    "bounces 2 times": [0.1, -0.01, 0.1, -0.01, 0.1, 0.1, 0.1],
+    "comes into contact": [0.3, 0.2, 0.2, 0.2, 0.2, 0.1, -0.01],
+    "parts": [-0.01, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1],
+    "stays in contact": [-0.01, -0.02, -0.01, -0.02, -0.01, -0.02, -0.01],
+}
+
+
+@pytest.fixture(scope="module")
+def paired(tmp_path_factory) -> Analyses:
+    return make_pairs(tmp_path_factory.mktemp("runs") / "pairs", STORIES)
+
+
+def test_each_pair_has_its_history_told(paired):
+    figure = pair_history_figure(paired)
+    gaps, forces = figure.axes[:8], figure.axes[8:16]
+    assert len(figure.axes) == 17  # and a key: nothing turns
+    for i, (name, story) in enumerate(STORIES.items()):
+        assert gaps[i].get_title("left") == f"{2 * i + 1} and {2 * i + 2}: {name}"
+        assert gaps[i].lines[-1].get_ydata() == pytest.approx(100.0 * np.array(story))
+        pushes, pulls = (line.get_ydata() for line in forces[i].lines)
+        assert pushes == pytest.approx(np.maximum(-np.array(story), 0.0))
+        assert set(np.unique(pulls)) <= {0.0, 1.0}
+        assert np.any(pulls > 0.0) == ("bond" in name)
+        touching, bonded = (patch.get_data().values for patch in gaps[i].patches)
+        assert touching.tolist() == [gap <= 0.0 for gap in story]
+        assert bonded.tolist() == pulls.tolist()
+    low, high = gaps[0].get_ylim()
+    assert low < -10.0
+    assert 30.0 < high < 40.0  # three of the largest overlap, not 900
+
+
+def test_the_time_axis_of_pairs_ends_soon_after_the_last_contact(tmp_path):
+    story = {"bounces": [0.1, 0.01, -0.01, 0.1, *[0.2] * 20]}
+    figure = pair_history_figure(make_pairs(tmp_path / "run", story))
+    assert figure.axes[0].get_xlim()[1] == pytest.approx(3.0, rel=0.1)
+    assert "nothing touches in the rest of the run, to t = 23.0 ms" in words(figure)
+
+
+def test_only_the_first_of_many_pairs_are_drawn(tmp_path):
+    story = {str(i): [0.1] * (10 - i) + [-0.01] * (i + 1) for i in range(10)}
+    figure = pair_history_figure(make_pairs(tmp_path / "run", story))
+    assert "the first 8 of 10 pairs that touch" in words(figure)
+    assert figure.axes[0].get_title("left").startswith("5 and 6:")
+
+
+FRICTION = ", friction: {stiffness: 1.0e14, static: 0.3, dynamic: 0.3}, rotation: true"
+
+
+@pytest.mark.parametrize("contact", [FRICTION, FRICTION + ", damping: 1.0"])
+def test_final_spins_stand_against_the_angle_of_impact_with_theory(tmp_path, contact):
+    story = {"one": [0.3, 0.1, -0.1, 0.1], "other": [0.1, 0.05, -0.05, 0.3]}
+    figure = pair_history_figure(
+        make_pairs(tmp_path / "run", story, contact=contact, spins=[3.0, 7.0])
+    )
+    spins, impacts = figure.axes[4:6]
+    assert [line.get_ydata()[-1] for line in spins.lines] == pytest.approx([3, 3, 7, 7])
+    (points,) = (c for c in impacts.collections if isinstance(c, PathCollection))
+    # Head on, at the speeds of the frames before the touch: differences of gaps over two frames.
+    speeds = 2.0 * RADIUS * np.array([0.4, 0.15]) / 2e-3
+    expected = np.stack([np.zeros(2), np.array([3.0, 7.0]) * RADIUS / speeds], axis=1)
+    np.testing.assert_allclose(points.get_offsets(), expected, rtol=1e-9, atol=1e-9)
+    curves = [line for line in impacts.lines if len(line.get_xdata()) > 100]
+    if "damping" in contact:
+        assert not curves
+        return
+    angles = np.radians(curves[1].get_xdata())
+    law = interactions.collision_spin(2.0, angles, RADIUS, 3.0, 3.0, 0.3) * RADIUS / 2.0
+    np.testing.assert_allclose(curves[1].get_ydata(), law)
+    assert np.max(curves[0].get_ydata()) == pytest.approx(5.0 / 14.0)
+
+
+def test_histories_are_for_few_particles_that_interact(tmp_path):
+    assert make_run(tmp_path / "free", frames=2).histories is None
+    touching = [-0.01, -0.01]
+    many = make_pairs(tmp_path / "many", {str(i): touching for i in range(13)})
+    assert many.histories is None
+    few = make_pairs(tmp_path / "few", {str(i): touching for i in range(12)})
+    assert len(few.histories.results.pairs) == 12
+    apart = make_pairs(tmp_path / "apart", {"never": [0.1, 0.1]})
+    draw_figures(apart, tmp_path / "figures")
+    assert not (tmp_path / "figures" / "pair_histories.png").exists()

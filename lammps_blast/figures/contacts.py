@@ -21,6 +21,7 @@ from lammps_blast.figures.sampling import Sampling, plot_frames
 from lammps_blast.figures.scene import directions_about
 from lammps_blast.figures.style import (
     BLUE,
+    GREEN,
     ORANGE,
     PAGE,
     STYLE,
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
 
 # Inches: the two projections side by side, the highest that they may be, what is under them.
 PROJECTIONS, HIGHEST, LOWER_PART = 5.6, 3.2, 3.35
+# So few contacts are drawn one by one: their distribution is no curve.
+MOST_BARS = 10
 # Widths in points of the lines of the weakest and of the strongest contact.
 THIN, THICK = 0.4, 2.4
 
@@ -54,7 +57,11 @@ def contact_figure(analyses: Analyses) -> Figure:
     scale = ContactScale.of(network)
     figure = _draw_projections(analyses, network, scale)
     scale.draw_bar(figure)
-    _draw_distribution(add_axes(figure, (0.62, 0.72, 2.75, 1.55)), scale)
+    forces = add_axes(figure, (0.62, 0.72, 2.75, 1.55))
+    if len(network) <= MOST_BARS:
+        _draw_each(forces, analyses, network, scale)
+    else:
+        _draw_distribution(forces, scale)
     _draw_history(stack(figure, (4.15, 0.72, 2.3, 1.55), 2, gap=0.15), analyses)
     write_head(figure, analyses)
     write_foot(figure, list(_remarks(analyses)))
@@ -123,6 +130,11 @@ def _draw_projections(analyses: Analyses, network: ContactNetwork, scale: Contac
     names = [f"${index}$" if index in "xyz" else f"$r_{index}$" for index in indices]
     position = analyses.universe.trajectory[network.frame].data["position"] @ directions.T
     low, high = _box(position, analyses.cloud.radius)
+    if np.diff(high - low)[1] < -0.5 * (high - low)[1]:
+        # Seen from the side, a flat cloud is seen from the side on which it does not hide itself.
+        turned = [0, 2, 1]
+        position, names = position[:, turned], [names[i] for i in turned]
+        low, high = low[turned], high[turned]
     inches = min(PROJECTIONS / (high - low)[:2].sum(), HIGHEST / (high - low)[2])
     widths = inches * (high - low)
     unit = Unit.of(float(np.abs([low, high]).max()), "m")
@@ -200,6 +212,22 @@ def _draw_distribution(axes: Axes, scale: ContactScale) -> None:
     )  # fmt: skip
 
 
+def _draw_each(
+    axes: Axes, analyses: Analyses, network: ContactNetwork, scale: ContactScale
+) -> None:
+    """Draw a bar for each of a few contacts, the strongest one above."""
+    ids = analyses.universe.trajectory[0].data.get("id", np.arange(1, len(analyses.cloud.mass) + 1))
+    order = np.argsort(scale.values, kind="stable")
+    names = [f"{first} and {second}" for first, second in ids[network.pairs[order]]]
+    values = scale.values[order] / scale.unit.size
+    axes.barh(names, values, 0.6, color=scale.mappable.to_rgba(values))
+    # Two bars alone would fill the panel.
+    axes.set_ylim(len(names) - 0.5 - max(len(names), 5), len(names) - 0.5)
+    axes.set_xlabel(f"{scale.what} ({scale.unit.name})")
+    axes.set_title("each contact, with the ids of its spheres", fontsize=7.0, pad=3.0)
+    axes.tick_params(axis="y", length=0.0)
+
+
 def _draw_history(panels: Sequence[Axes], analyses: Analyses) -> None:
     results = analyses.contacts.results
     clock = Unit.of(float(results.times[-1]), "s")
@@ -208,7 +236,13 @@ def _draw_history(panels: Sequence[Axes], analyses: Analyses) -> None:
     number, strain = panels
     look: dict[str, Any] = {"linestyle": "-", "marker": "o", "markersize": 2.0}
     plot_frames(number, seconds, results.contacts, joined, color=BLUE, **look)
+    if results.bonded_fraction is not None and np.nansum(results.bonded_fraction) > 0.0:
+        bonded = results.contacts * np.nan_to_num(results.bonded_fraction)
+        look = {"linestyle": ":", "marker": "^", "markersize": 2.0}
+        plot_frames(number, seconds, bonded, joined, color=GREEN, label="bonded", **look)
+        number.legend(loc="best")
     number.set_ylim(0.0, 1.1 * (largest_of(results.contacts) or 1.0))
+    number.yaxis.set_major_locator(MaxNLocator(3, integer=True))
     number.set_ylabel("contacts")
     per_particle = 2.0 / len(analyses.cloud.mass)
     second = number.secondary_yaxis(

@@ -24,6 +24,7 @@ from lammps_blast.figures.style import (
     Unit,
     add_axes,
     finish_stack,
+    foot_room,
     largest_of,
     put_legend_above,
     stack,
@@ -39,9 +40,14 @@ if TYPE_CHECKING:
 MOST_PAIRS = 8
 # Inches: the rows of a few pairs together, one row at least, and between rows.
 ROWS, LOWEST_ROW, ROW_GAP = 3.9, 0.42, 0.22
-# Left end and width of the columns, in inches, for two of them and for three.
-TWO_COLUMNS = ((0.62, 2.75), (4.15, 2.9))
-THREE_COLUMNS = ((0.62, 1.6), (2.85, 1.6), (5.15, 1.9))
+# Left ends and widths, in inches, of so many columns.
+COLUMNS = {
+    1: ((0.62, 6.43),),
+    2: ((0.62, 2.75), (4.15, 2.9)),
+    3: ((0.62, 1.6), (2.85, 1.6), (5.15, 1.9)),
+}
+# What two panels above each other, each with a time axis or the like, have between them.
+AXIS_ROOM = 0.75
 # Gaps are drawn up to so many of the largest overlap: what comes before and after is motion alone.
 SHOWN_OVERLAPS = 3.0
 # How much longer than the last contact the time axis is.
@@ -58,29 +64,24 @@ def pair_history_figure(analyses: Analyses) -> Figure:
     story = _Story.of(analyses)
     high = max(LOWEST_ROW, (ROWS + ROW_GAP) / len(story.shown) - ROW_GAP)
     height = len(story.shown) * (high + ROW_GAP) - ROW_GAP
-    figure = Figure(figsize=(PAGE, height + 1.55))
-    bottom = 0.72
-    columns = iter(THREE_COLUMNS if story.spins else TWO_COLUMNS)
-
-    def add_rows() -> list[Axes]:
-        left, width = next(columns)
-        return stack(figure, (left, bottom, width, height), len(story.shown), ROW_GAP)
-
-    rows = add_rows()
-    _draw_gaps(rows, story)
-    _label_rows(figure, rows, "gap (%)")
-    if story.results.normal_force is not None:
-        rows = add_rows()
-        unit = _draw_forces(rows, story)
-        _label_rows(figure, rows, f"force ({unit.name})")
+    remarks = list(_remarks(story))
+    bottom = 0.6 + foot_room(remarks, PAGE)
+    figure = Figure(figsize=(PAGE, bottom + height + 0.68))
+    columns = COLUMNS[1 + story.forces + story.spins]
+    count = len(story.shown)
+    left, width = columns[0]
+    _draw_gaps(stack(figure, (left, bottom, width, height), count, ROW_GAP), story)
+    if story.forces:
+        left, width = columns[1]
+        _draw_forces(stack(figure, (left, bottom, width, height), count, ROW_GAP), story)
     if story.spins:
-        left, width = next(columns)
-        half = 0.5 * (height - 0.75)
-        _draw_spins(add_axes(figure, (left, bottom + half + 0.75, width, half)), story)
+        left, width = columns[-1]
+        half = 0.5 * (height - AXIS_ROOM)
+        _draw_spins(add_axes(figure, (left, bottom + half + AXIS_ROOM, width, half)), story)
         _draw_impacts(add_axes(figure, (left, bottom, width, half)), story)
-    _draw_key(figure, story, height + bottom + 0.28)
+    _draw_key(figure, story, height + bottom + 0.22)
     write_head(figure, analyses)
-    write_foot(figure, list(_remarks(story)))
+    write_foot(figure, remarks)
     return figure
 
 
@@ -109,12 +110,18 @@ class _Story:
 
     @property
     def results(self) -> Any:
+        """Return the results of the analysis."""
         return self.analyses.histories.results
 
     @property
     def times(self) -> np.ndarray:
         """Return the times in the window, s."""
         return self.results.times[self.window]
+
+    @property
+    def forces(self) -> bool:
+        """Tell whether forces are known."""
+        return self.results.normal_force is not None
 
     @property
     def spins(self) -> bool:
@@ -154,6 +161,7 @@ def _draw_gaps(rows: Sequence[Axes], story: _Story) -> None:
         title = f"{first} and {second}: {what_happens(results, pair)}"
         axes.set_title(title, loc="left", fontsize=6.5, pad=2.0)
     finish_stack(rows, story.clock, story.times)
+    _label_rows(rows, "gap (%)")
 
 
 def _gap_range(gap: np.ndarray) -> tuple[float, float]:
@@ -168,8 +176,8 @@ def what_happens(results: Any, pair: int) -> str:
     touching = results.touching[:, pair]
     bonded = np.zeros_like(touching) if results.bonded is None else results.bonded[:, pair]
     if bonded.any():
-        start = "bonded at the start" if bonded[0] else "forms a bond"
-        return f"{start}, which {'holds' if bonded[-1] else 'breaks'}"
+        start = "bond from the start" if bonded[0] else "bond forms"
+        return f"{start}, {'holds' if bonded[-1] else 'breaks'}"
     if touching[-1]:
         return "stays in contact" if touching[0] else "comes into contact"
     if touching[0]:
@@ -181,17 +189,19 @@ def what_happens(results: Any, pair: int) -> str:
 def _shade(axes: Axes, story: _Story, pair: int) -> None:
     """Shade the times at which a pair touches, and those at which it is bonded."""
     results, seconds = story.results, story.times / story.clock.size
+    # Each frame stands for the time that is nearer to it than to the others.
+    edges = [seconds[0], *0.5 * (seconds[1:] + seconds[:-1]), seconds[-1]]
     states = {IN_CONTACT: results.touching}
     if results.bonded is not None:
         states[BONDED] = results.bonded
     for colour, state in states.items():
-        axes.fill_between(
-            seconds, 0.0, 1.0, where=state[story.window, pair], step="mid", color=colour,
-            linewidth=0.0, transform=axes.get_xaxis_transform(), zorder=0,
+        axes.stairs(
+            state[story.window, pair].astype(float), edges, fill=True, color=colour, zorder=0,
+            transform=axes.get_xaxis_transform(),
         )  # fmt: skip
 
 
-def _draw_forces(rows: Sequence[Axes], story: _Story) -> Unit:
+def _draw_forces(rows: Sequence[Axes], story: _Story) -> None:
     results, shown = story.results, story.shown
     pushes, pulls = results.normal_force, results.bond_force if story.bonds else None
     largest = largest_of(pushes[:, shown], *([pulls[:, shown]] if story.bonds else []))
@@ -205,7 +215,7 @@ def _draw_forces(rows: Sequence[Axes], story: _Story) -> Unit:
         axes.set_ylim(-0.06 * largest / unit.size, 1.1 * largest / unit.size or 1.0)
         axes.yaxis.set_major_locator(MaxNLocator(3))
     finish_stack(rows, story.clock, story.times)
-    return unit
+    _label_rows(rows, f"force ({unit.name})")
 
 
 def _draw_spins(axes: Axes, story: _Story) -> None:
@@ -220,7 +230,7 @@ def _draw_spins(axes: Axes, story: _Story) -> None:
 
 
 def _draw_impacts(axes: Axes, story: _Story) -> None:
-    """Draw the final spin of each pair against the angle at which it met, and what is exact."""
+    """Draw the final spin of each pair against the angle at which it met, and what theory says."""
     results, shown = story.results, story.shown
     radius = story.analyses.cloud.radius[results.pairs[shown]]
     spin = (results.spin[-1, shown] * radius).mean(axis=1) / results.impact_speed[shown]
@@ -229,10 +239,13 @@ def _draw_impacts(axes: Axes, story: _Story) -> None:
         dynamic = story.analyses.case.contact.friction.dynamic
         for friction, name, look in (
             (np.inf, "no sliding", {"color": GREY, "linestyle": ":"}),
-            (dynamic, "exact", {"color": "black", "linewidth": 0.8}),
+            (dynamic, "stiff friction", {"color": "black", "linewidth": 0.8}),
         ):
             curve = collision_spin(1.0, angles, 1.0, 1.0, 1.0, friction)
             axes.plot(np.degrees(angles), curve, label=name, zorder=1, **look)
+    if np.isnan(spin).all():
+        text = "no impact seen"
+        axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", color="0.35")
     axes.scatter(
         np.degrees(results.impact_angle[shown]), spin, c=story.colours, s=16.0, zorder=2,
         edgecolors="black", linewidths=0.4, clip_on=False,
@@ -264,12 +277,13 @@ def _collisions_are_plain(analyses: Analyses) -> bool:
     return alike and once and not results.spin[0].any()
 
 
-def _label_rows(figure: Figure, rows: Sequence[Axes], text: str) -> None:
+def _label_rows(rows: Sequence[Axes], text: str) -> None:
     """Write one label for all rows, at their left."""
-    left = rows[0].get_position().x0 * PAGE - 0.45
+    figure = rows[0].get_figure()
+    place = rows[0].get_position().x0 * PAGE - 0.45
     low, high = rows[-1].get_position().y0, rows[0].get_position().y1
     middle = 0.5 * (low + high) * figure.get_figheight()
-    write_at(figure, left, middle, text, rotation="vertical", ha="center", va="center")
+    write_at(figure, place, middle, text, rotation="vertical", ha="center", va="center")
 
 
 def _draw_key(figure: Figure, story: _Story, bottom: float) -> None:
@@ -277,11 +291,12 @@ def _draw_key(figure: Figure, story: _Story, bottom: float) -> None:
     handles: list[Any] = [Patch(color=IN_CONTACT, label="in contact")]
     if story.bonds:
         handles.append(Patch(color=BONDED, label="bonded"))
-    if story.results.normal_force is not None:
-        handles.append(Line2D([], [], color=story.colours[0], label="contact pushes"))
+    if story.forces:
+        colour = GREY if story.spins else story.colours[0]
+        handles.append(Line2D([], [], color=colour, label="contact pushes"))
     if story.bonds:
         handles.append(Line2D([], [], color=ORANGE, linestyle="--", label="bond pulls"))
-    axes = add_axes(figure, (TWO_COLUMNS[0][0], bottom, PAGE - 1.0, 0.15))
+    axes = add_axes(figure, (COLUMNS[1][0][0], bottom, PAGE - 1.0, 0.15))
     axes.set_axis_off()
     axes.legend(handles=handles, ncols=len(handles), loc="center left", borderaxespad=0.0)
 
@@ -292,14 +307,15 @@ def _remarks(story: _Story) -> Iterator[str]:
     if len(story.shown) < touching:
         yield f"the first {len(story.shown)} of {touching} pairs that touch"
     yield "gap: between the surfaces, over the sum of the radii; wide ones are not drawn"
-    if results.normal_force is None:
+    if not story.forces:
         yield "forces and bonds unknown"
     if len(story.times) < len(results.times):
-        last = story.clock.show(float(results.times[-1]), float(story.times[-1]))
-        yield f"nothing touches from here to the end at {last}"
+        last = float(results.times[-1])
+        yield f"nothing touches in the rest of the run, to t = {story.clock.show(last, last)}"
     if story.spins:
+        yield "colours of spins: those of the rows"
         yield "angle of impact: between the relative velocity and the line of centres"
         if _collisions_are_plain(story.analyses):
-            yield "exact: for equal spheres and friction of great stiffness"
+            yield "curves: closed form for friction that is as good as rigid until it slides"
     if not story.joined:
         yield Sampling.of(story.analyses).warning

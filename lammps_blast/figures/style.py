@@ -115,6 +115,11 @@ def write_foot(figure: Figure, remarks: Sequence[str]) -> None:
     )  # fmt: skip
 
 
+def foot_room(remarks: Sequence[str], width: float) -> float:
+    """Return how much higher than one line (in) the remarks are under a figure of a `width`."""
+    return 0.12 * max(0, len(_foot_lines(remarks, width)) - 1)
+
+
 def _foot_lines(remarks: Sequence[str], width: float) -> list[str]:
     return textwrap.wrap("; ".join(remarks), int(20.0 * width))
 
@@ -123,7 +128,7 @@ def column_of_panels(
     analyses: Analyses, remarks: Sequence[str], count: int, height: float
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure with head and foot, as wide as a column, and panels of a `height` (in)."""
-    room = 0.12 * max(0, len(_foot_lines(remarks, COLUMN)) - 1)
+    room = foot_room(remarks, COLUMN)
     figure = Figure(figsize=(COLUMN, height + 0.9 + room))
     write_head(figure, analyses)
     write_foot(figure, remarks)

@@ -867,11 +867,16 @@ def test_each_pair_has_its_history_told(paired):
     assert 30.0 < high < 40.0  # three of the largest overlap, not 900
 
 
-def test_the_time_axis_of_pairs_ends_soon_after_the_last_contact(tmp_path):
-    story = {"bounces": [0.1, 0.01, -0.01, 0.1, *[0.2] * 20]}
+@pytest.mark.parametrize(("before", "after"), [(1, 40), (40, 1), (30, 30), (1, 1)])
+def test_the_time_axis_of_pairs_is_that_of_their_contacts(tmp_path, before, after):
+    story = {"bounces": [0.1] * before + [-0.01] * 30 + [0.1] * after}
     figure = pair_history_figure(make_pairs(tmp_path / "run", story))
-    assert figure.axes[0].get_xlim()[1] == pytest.approx(3.0, rel=0.1)
-    assert "nothing touches in the rest of the run, to t = 23.0 ms" in words(figure)
+    drawn = figure.axes[0].lines[-1].get_xdata()  # of 30 frames, 14 more are half
+    assert drawn[0] == pytest.approx(max(before - 14, 0))
+    assert drawn[-1] == pytest.approx(before + 29 + min(after, 14))
+    whole = before + after == 2
+    remark = f"nothing touches in the rest of the run of {before + after + 29}"
+    assert (remark in words(figure)) != whole
 
 
 def test_only_the_first_of_many_pairs_are_drawn(tmp_path):

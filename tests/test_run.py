@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,6 +14,8 @@ import pytest
 from conftest import PROGRAMS, blast, lmp
 
 from lammps_blast.analysis import EnergyLedger
+from lammps_blast.contacts import ContactFrames
+from lammps_blast.deck import ENERGY_ACCOUNTS
 from lammps_blast.trajectory import open_universe
 
 CASE = """\
@@ -26,6 +29,21 @@ time: {duration: 0.01, step: 1.0e-4}
 output: {interval: 0.001}
 """
 
+CLUSTER = """\
+name: cluster
+particles: {count: 60, radius: 0.05, density: 7000.0, charge_per_mass: 10.0,
+            packing: {domain_radius: 0.31, relax: true}}
+blast: {energy: 300.0}
+fields: {magnetic: [10, 0, 0]}
+medium: {density: 1.225, viscosity: 1.8e-5, drag: chow}
+contact: {stiffness: 1.0e7, exponent: 2, damping: 1.0e5,
+          friction: {stiffness: 1.0e7, static: 0.4, dynamic: 0.3}}
+near_field: {scaling: mass, attraction: {strength: 0.5, exponent: 1},
+             repulsion: {strength: 0.01, exponent: 2}, cutoff: 0.15}
+time: {duration: 0.2, step: 1.0e-4}
+output: {interval: 0.01, contacts: true}
+"""
+
 BAD_CASES = {
     "unknown key": (CASE + "colour: blue\n", "colour"),
     "misspelt key": (CASE.replace("density: 7000", "densty: 7000"), "did you mean `density`"),
@@ -36,7 +54,11 @@ BAD_CASES = {
     "empty": ("", "empty"),
     "shell in the name": (CASE.replace("small", '"small\\nshell touch hacked"'), "name"),
     "cannot be packed": (CASE.replace("count: 20", "count: 9000"), "particles.count"),
-    "contact": (CASE + "contact: {law: zohdi}\n", "not supported yet"),
+    "contact": (CASE + "contact: {law: zohdi}\n", "contact.stiffness"),
+    "near field that contact cannot resist": (
+        CLUSTER.replace("strength: 0.5", "strength: 5.0e3"),
+        "near_field.attraction.strength",
+    ),
     "implicit": (CASE.replace("step: 1.0e-4}", "step: 1.0e-4, integrator: implicit}"), "not supp"),
     "file missing": (
         "name: a\nparticles: {file: none.csv}\ntime: {duration: 1, step: 0.1}\n",
@@ -149,6 +171,114 @@ def test_step_too_large_for_drag_is_warned_about(tmp_path):
     done = run(tmp_path, text=text.replace("100.0", "1.0e-12"))
     assert done.returncode == 0
     assert "time.step is" in done.stderr
+
+
+def said(done):
+    """Return what a command said on stderr, its lines joined."""
+    return " ".join(done.stderr.split())
+
+
+def test_step_too_large_for_a_contact_is_warned_about_with_one_that_is_not(tmp_path):
+    done = run(tmp_path, text=CLUSTER.replace("step: 1.0e-4", "step: 1.0e-3"))
+    assert done.returncode == 0
+    assert "two particles in contact" in said(done)
+    (suggested,) = re.findall(r"such as time\.step: (\S+);", said(done))
+    assert 1e-5 < float(suggested) < 1e-3
+    done = run(tmp_path, "--force", text=CLUSTER.replace("step: 1.0e-4", f"step: {suggested}"))
+    assert done.returncode == 0
+    assert "advised time.step up to" in said(done)
+    assert "WARNING" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "symptom"),
+    [("1.7e9", "came from nothing"), ("1.0e10", "of its radius in a step")],
+)
+def test_unstable_run_is_stopped_with_a_step_that_works(tmp_path, stiffness, symptom):
+    text = CLUSTER.replace("stiffness: 1.0e7, exponent", f"stiffness: {stiffness}, exponent")
+    text = text.replace("damping: 1.0e5,", "")
+    done = run(tmp_path, text=text.replace("step: 1.0e-4", "step: 2.0e-3"))
+    assert done.returncode == 3
+    assert symptom in said(done)
+    (told,) = re.findall(r"Fix blast/watch: (.*) in runs/cluster/in.blast, line \d+", said(done))
+    assert re.search(r"\batom \d+\b", told)
+    assert re.search(r"\btime 0\.\d+\b", told)
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "runs" / "cluster" / "summary.json").exists()
+    (suggested,) = re.findall(r"try a time step of (\S+) s or less", said(done))
+    text = text.replace("step: 1.0e-4", f"step: {suggested}").replace("0.2,", "0.05,")
+    done = run(tmp_path, "--force", text=text)
+    assert done.returncode == 0, done.stderr
+    assert "WARNING" not in done.stderr
+
+
+def test_deck_of_a_near_field_that_contact_cannot_resist_is_not_written(tmp_path):
+    (tmp_path / "case.yaml").write_text(CLUSTER.replace("strength: 0.5", "strength: 5.0e3"))
+    done = blast("deck", "case.yaml", folder=tmp_path)
+    assert done.returncode == 2
+    assert "near_field.attraction.strength" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["case.yaml"]
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    """Return the folder of a run of sixty particles that touch and attract each other."""
+    folder = tmp_path_factory.mktemp("cluster")
+    (folder / "case.yaml").write_text(CLUSTER)
+    done = blast("run", "case.yaml", "--output", "out", folder=folder)
+    assert done.returncode == 0, done.stderr
+    return folder / "out"
+
+
+def test_run_of_interacting_particles_leaves_contacts_and_clumps(cluster):
+    summary = json.loads((cluster / "summary.json").read_text())
+    assert all(check["passed"] for check in summary["checks"].values())
+    assert summary["contacts"]["source"] == "recorded"
+    assert summary["contacts"]["first"] == 0
+    assert summary["contacts"]["last"] > 20
+    assert summary["clumps"]["pieces_last"] < summary["clumps"]["pieces_first"]
+    assert set(ENERGY_ACCOUNTS[2:]) < set(summary["energy"])
+    assert len(ContactFrames(cluster / "contacts.lammpsdump")) == summary["frames"] == 21
+    header, *rows = (cluster / "clumps.csv").read_text().splitlines()
+    assert header.startswith("time,pieces,")
+    assert len(rows) == 21
+    drawn = {path.stem for path in (cluster / "figures").iterdir()}
+    assert drawn == {
+        "cloud", "velocities", "semi_axes", "energy", "clumps", "clump_statistics", "contacts",
+        "pair_distances",
+    }  # fmt: skip
+
+
+def test_force_takes_away_what_only_interacting_particles_leave(cluster, tmp_path):
+    shutil.copytree(cluster, tmp_path / "out")
+    free = "".join(
+        line
+        for line in CLUSTER.splitlines(keepends=True)
+        if not line.startswith(
+            ("contact", "near_field", "          friction", "             repul")
+        )
+    ).replace(", contacts: true", "")
+    done = run(tmp_path, "--output", "out", "--force", text=free)
+    assert done.returncode == 0, done.stderr
+    left = {path.name for path in (tmp_path / "out").rglob("*")}
+    assert "summary.json" in left
+    assert not left & {"contacts.lammpsdump", "clumps.csv", "clumps.png", "contacts.png"}
+    assert "contacts" not in json.loads((tmp_path / "out" / "summary.json").read_text())
+
+
+def test_lone_dump_of_interacting_particles_is_analysed(cluster, tmp_path):
+    shutil.copy(cluster / "trajectory.lammpstrj", tmp_path / "alone")
+    done = blast("analyze", "alone", "--no-figures", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "alone.analysis" / "summary.json").read_text())
+    whole = json.loads((cluster / "summary.json").read_text())
+    assert summary["contacts"].pop("source") == "positions and radii"
+    for name in ("first", "last", "most", "coordination"):
+        assert summary["contacts"][name] == whole["contacts"][name]
+    assert summary["contacts"]["largest_strain"] == pytest.approx(
+        whole["contacts"]["largest_strain"], rel=1e-9
+    )
+    assert summary["clumps"]["sizes"] == whole["clumps"]["sizes"]
 
 
 def test_launch_faster_than_light_is_refused(tmp_path):

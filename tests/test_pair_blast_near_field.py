@@ -401,8 +401,13 @@ def test_single_gives_the_energy_and_its_slope(simulate, exponents, switch):
 def test_pair_write_tabulates_the_law(simulate, tmp_path):
     field = Field((0.5, 1.37), (0.01, 2.0), cutoff=0.5, switch=0.2)
     particles = make_particles([[0.0, 0, 0], [0.2, 0, 0]])
-    simulation = near_field_simulation(simulate, particles, field)
-    simulation.commands(f"pair_write 1 1 50 r 0.05 0.49 {tmp_path}/table.txt LAW")
+    simulation = simulate(particles)
+    simulation.commands(f"""
+        neighbor 0.01 nsq
+        comm_modify cutoff 0.0
+        {law_commands(field)}
+        pair_write 1 1 50 r 0.05 0.49 {tmp_path}/table.txt LAW
+    """)
     _, d, energy, force = np.loadtxt(tmp_path / "table.txt", skiprows=5).T
     factor = particles.mass[0] ** 2
     np.testing.assert_allclose(force, -factor * field.force(d), rtol=1e-12)

@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from lammps_blast.case import parse_case
 from lammps_blast.deck import write_deck
+from lammps_blast.engine import lammps_warnings
 from lammps_blast.particles import PackingError, create_particles
 from lammps_blast.relaxation import ALLOWANCE, CHECK_EVERY, MOST_STEPS
 from lammps_blast.trajectory import open_universe
@@ -29,6 +30,7 @@ class Relaxed:
     radius: float
     time: float
     log: str
+    warnings: list[str]
 
     @property
     def gaps(self):
@@ -82,6 +84,7 @@ def relax(folder, text, *words, ranks=1):
         radius=particles.radius[0] / size,
         time=frame.time,
         log=(folder / "log.lammps").read_text(),
+        warnings=lammps_warnings(folder),
     )
 
 
@@ -141,6 +144,10 @@ def test_step_given_to_the_deck_leaves_the_relaxation_alone(tmp_path):
     longer = relax(tmp_path / "longer", text, *words)
     assert np.array_equal(longer.position, first.position)
     assert open_universe(tmp_path / "longer").trajectory[-1].time == pytest.approx(0.01)
+
+
+def test_particles_that_feel_nothing_after_relaxation_run_without_warnings(tmp_path):
+    assert relax(tmp_path / "run", text_of(60, 0.5)).warnings == []
 
 
 @pytest.mark.parametrize("count", [60, 2000])

@@ -321,29 +321,53 @@ def test_lammps_failure_is_told_with_lammps_words_and_the_line_of_the_deck(tmp_p
     assert "Traceback" not in done.stderr
 
 
-def test_interruption_stops_cleanly_and_keeps_the_state(tmp_path):
-    (tmp_path / "case.yaml").write_text(CASE.replace("duration: 0.01", "duration: 200.0"))
-    command = [sys.executable, "-m", "lammps_blast.run", "case.yaml"]
-    process = subprocess.Popen(
-        command,
-        cwd=tmp_path,
+def start_run(folder):
+    """Start the run command in a folder with a case; Ctrl-C reaches it."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "lammps_blast.run", "case.yaml"],
+        cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         # A shell may have started the tests in the background, where Ctrl-C is ignored.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    table = tmp_path / "runs" / "small" / "energy.csv"
+
+
+def wait_for(condition):
     deadline = time.monotonic() + 60
-    while not (table.exists() and table.read_text().count("\n") > 5):
+    while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.05)
+
+
+def test_interruption_stops_cleanly_and_keeps_the_state(tmp_path):
+    (tmp_path / "case.yaml").write_text(CASE.replace("duration: 0.01", "duration: 200.0"))
+    process = start_run(tmp_path)
+    table = tmp_path / "runs" / "small" / "energy.csv"
+    wait_for(lambda: table.exists() and table.read_text().count("\n") > 5)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Traceback" not in errors
     assert (table.parent / "restart" / "blast.interrupted").stat().st_size > 0
     assert not (table.parent / "summary.json").exists()
+
+
+def test_interruption_of_a_relaxation_is_one_before_the_run(tmp_path):
+    # These spheres press each other for as long as the deck lets them.
+    text = CLUSTER.replace("count: 60, radius: 0.05", "count: 300, radius: 0.1245")
+    (tmp_path / "case.yaml").write_text(text.replace("domain_radius: 0.31", "domain_radius: 1.0"))
+    process = start_run(tmp_path)
+    log = tmp_path / "runs" / "cluster" / "log.lammps"
+    wait_for(lambda: log.exists() and "v_strain\n" in log.read_text())
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130, errors
+    assert "before the run began" in errors
+    # Steps of the relaxation are none of the run.
+    assert "steps/s" not in errors
 
 
 def test_text_and_binary_runs_are_the_same(tmp_path):

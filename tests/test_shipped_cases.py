@@ -24,7 +24,7 @@ CASES = sorted(folder.name for folder in INPUTS.iterdir())
 LEDGER_LIMITS = {
     "bonded_pairs": 6e-5,
     "contact_blast": 6e-9,
-    "near_field_all_pairs": 2e-4,
+    "near_field_all_pairs": 1.2e-4,
     "near_field_blast": 3e-4,
     "oblique_collisions": 9e-7,
 }
@@ -323,9 +323,9 @@ def test_oblique_collisions_roll_or_slide(runs):
     # Spheres that meet at v = 1 m/s: friction ends the slip, or takes its part of the impulse.
     rolling = -5 / 14 * np.sin(OBLIQUE_ANGLES) / 0.05
     sliding = -5 / 2 * 0.3 * np.cos(OBLIQUE_ANGLES) / 0.05
-    below_40, above_70 = slice(0, 4), slice(6, 8)
-    assert spin[below_40, 0] == pytest.approx(rolling[below_40], rel=0.01)
-    assert spin[above_70, 0] == pytest.approx(sliding[above_70], rel=0.06)
+    up_to_40, from_70 = slice(0, 4), slice(6, 8)
+    assert spin[up_to_40, 0] == pytest.approx(rolling[up_to_40], rel=0.01)
+    assert spin[from_70, 0] == pytest.approx(sliding[from_70], rel=0.06)
     # Friction cannot do more than end the slip, nor more than sliding all the time.
     assert (np.abs(spin[:, 0]) < 1.005 * np.abs(rolling)).all()
     assert (np.abs(spin[:, 0]) < 1.005 * np.abs(sliding)).all()
@@ -394,8 +394,8 @@ def test_conservative_forces_keep_the_energy_to_second_order(
 
 
 @pytest.mark.slow
-def test_near_field_that_ends_in_a_jump_keeps_the_energy_to_a_thousandth(tmp_path):
-    assert largest_drift("near_field_blast", tmp_path, step=4e-5, duration=1.0) < 1e-3
+def test_near_field_that_ends_in_a_jump_keeps_the_energy_nearly_as_well(tmp_path):
+    assert largest_drift("near_field_blast", tmp_path, step=4e-5, duration=1.0) < 1.5e-4
 
 
 @pytest.mark.slow

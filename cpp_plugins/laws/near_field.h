@@ -69,10 +69,15 @@ inline double bare_near_field_force(const NearField &field, double inverse_dista
 }
 
 // Force along n_ij on i, for unit factors and a distance not beyond the cutoff.
+inline double near_field_force(const NearField &field, double distance, double inverse_distance)
+{
+  const double force = bare_near_field_force(field, inverse_distance);
+  return field.switch_width > 0.0 ? switching(field, distance) * force : force;
+}
+
 inline double near_field_force(const NearField &field, double distance)
 {
-  const double force = bare_near_field_force(field, 1.0 / distance);
-  return field.switch_width > 0.0 ? switching(field, distance) * force : force;
+  return near_field_force(field, distance, 1.0 / distance);
 }
 
 // Integral of strength * d^-beta over d: from the cutoff, where it is zero, or with the constant

@@ -22,6 +22,8 @@ public:
 
   double operator()(double base) const
   {
+    if (twice == 2) return base;
+    if (twice == 4) return base * base;
     if (twice < 0) return std::pow(base, exponent);
     double result = (twice & 1) ? std::sqrt(base) : 1.0;
     for (int n = twice >> 1; n > 0; n >>= 1) {

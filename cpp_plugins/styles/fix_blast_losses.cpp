@@ -11,7 +11,6 @@
 #include "utils.h"
 
 #include <cstring>
-#include <utility>
 
 using namespace LAMMPS_NS;
 using namespace FixConst;
@@ -38,7 +37,7 @@ FixBlastLosses::FixBlastLosses(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, nar
 
 int FixBlastLosses::setmask()
 {
-  return INITIAL_INTEGRATE | POST_FORCE | END_OF_STEP;
+  return INITIAL_INTEGRATE | POST_FORCE | END_OF_STEP | POST_RUN;
 }
 
 void FixBlastLosses::init()
@@ -74,80 +73,109 @@ void FixBlastLosses::post_force(int /*vflag*/)
   pair_torque.assign(nlocal, Vector3());
   for (int i = 0; i < nlocal; i++) {
     pair_force[i] = Vector3(atom->f[i]);
-    if (atom->torque_flag) pair_torque[i] = Vector3(atom->torque[i]);
+    if (turns) pair_torque[i] = Vector3(atom->torque[i]);
   }
 }
 
+// The work of a force over a half kick is force times the mean of the velocities before and after.
+// The kick that ends a step and the one that begins the next have one velocity between them, and
+// the same forces: their means add up to that velocity, and one look counts both.
 void FixBlastLosses::initial_integrate(int /*vflag*/)
 {
-  tally_half_kick(1.0);
+  count(closing_due ? Kick{update->dt, 0.0} : opening_kick(), tally);
+  closing_due = false;
 }
 
 void FixBlastLosses::end_of_step()
 {
-  tally_half_kick(-1.0);
+  closing_due = true;
   if (!pair) return;
   tally.energy[BOND_FORMATION] += pair->formation_heat - heat_counted;
   heat_counted = pair->formation_heat;
 }
 
-// The work of a force over the half kick that begins (sign +1) or ends (-1) at the present
-// velocity: force times the mean of the velocities before and after the kick.
-void FixBlastLosses::tally_half_kick(double sign)
+void FixBlastLosses::post_run()
 {
-  if (pair) tally_contacts(sign);
-  if (counts_pair_work) tally_pair_forces(sign);
+  close_step();
 }
 
-FixBlastLosses::MeanMotion FixBlastLosses::mean_motion(int i, double sign) const
+void FixBlastLosses::close_step()
 {
-  const double quarter = 0.25 * sign * update->dt, mass = atom->rmass[i];
-  MeanMotion mean;
-  mean.velocity = Vector3(atom->v[i]) + (quarter / mass) * Vector3(atom->f[i]);
-  if (!turns) return mean;
-  const double inertia = blast::moment_of_inertia(mass, atom->radius[i]);
-  mean.spin = Vector3(atom->omega[i]) + (quarter / inertia) * Vector3(atom->torque[i]);
-  return mean;
+  tally = counted_by_now();
+  closing_due = false;
 }
 
-void FixBlastLosses::tally_contacts(double sign)
+FixBlastLosses::Tally FixBlastLosses::counted_by_now() const
 {
-  const double half_step = 0.5 * update->dt;
+  Tally total = tally;
+  if (closing_due) count(closing_kick(), total);
+  return total;
+}
+
+FixBlastLosses::Kick FixBlastLosses::closing_kick() const
+{
+  return {0.5 * update->dt, -0.25 * update->dt};
+}
+
+FixBlastLosses::Kick FixBlastLosses::opening_kick() const
+{
+  return {0.5 * update->dt, 0.25 * update->dt};
+}
+
+void FixBlastLosses::count(const Kick &kick, Tally &total) const
+{
+  if (pair) count_contacts(kick, total);
+  if (counts_pair_work) count_pair_forces(kick, total);
+}
+
+Vector3 FixBlastLosses::mean_velocity(int i, double middle) const
+{
+  const Vector3 velocity(atom->v[i]);
+  if (middle == 0.0) return velocity;
+  return velocity + (middle / atom->rmass[i]) * Vector3(atom->f[i]);
+}
+
+Vector3 FixBlastLosses::mean_spin(int i, double middle) const
+{
+  const Vector3 spin(atom->omega[i]);
+  if (middle == 0.0) return spin;
+  const double inertia = blast::moment_of_inertia(atom->rmass[i], atom->radius[i]);
+  return spin + (middle / inertia) * Vector3(atom->torque[i]);
+}
+
+void FixBlastLosses::count_contacts(const Kick &kick, Tally &total) const
+{
   for (const Contact &contact : pair->kept_contacts()) {
     if (contact.damping == 0.0 && contact.friction == 0.0 && contact.bond_friction == 0.0) continue;
-    // How fast the particle follows a unit force along the normal, and one along the tangent.
+    // How fast the two follow a unit force along the normal, and one along the tangent.
     const Vector3 turning = cross(contact.normal, contact.tangent);
-    const auto speeds = [&](int particle, double arm) {
-      const MeanMotion mean = mean_motion(particle, sign);
-      return std::pair<double, double>{dot(mean.velocity, contact.normal),
-                                       dot(mean.velocity, contact.tangent) +
-                                           arm * dot(mean.spin, turning)};
+    double along = 0.0, across = 0.0;
+    const auto add_motion = [&](int particle, double sign, double arm) {
+      const Vector3 velocity = mean_velocity(particle, kick.middle);
+      along += sign * dot(velocity, contact.normal);
+      across += sign * dot(velocity, contact.tangent);
+      if (arm != 0.0) across += arm * dot(mean_spin(particle, kick.middle), turning);
     };
-    auto [along, across] = speeds(contact.i, contact.arm_i);
-    if (contact.j < atom->nlocal) {
-      const auto [along_j, across_j] = speeds(contact.j, -contact.arm_j);
-      along -= along_j;
-      across -= across_j;
-    }
-    tally.energy[DAMPING] -= half_step * contact.damping * along;
-    tally.energy[FRICTION] -= half_step * contact.friction * across;
-    tally.energy[BOND_FRICTION] -= half_step * contact.bond_friction * across;
+    add_motion(contact.i, 1.0, contact.arm_i);
+    if (contact.j < atom->nlocal) add_motion(contact.j, -1.0, contact.arm_j);
+    total.energy[DAMPING] -= kick.length * contact.damping * along;
+    total.energy[FRICTION] -= kick.length * contact.friction * across;
+    total.energy[BOND_FRICTION] -= kick.length * contact.bond_friction * across;
   }
 }
 
-void FixBlastLosses::tally_pair_forces(double sign)
+void FixBlastLosses::count_pair_forces(const Kick &kick, Tally &total) const
 {
-  const double half_step = 0.5 * update->dt;
   for (int i = 0; i < atom->nlocal; i++) {
-    const MeanMotion mean = mean_motion(i, sign);
-    tally.energy[PAIR_WORK] +=
-        half_step * (dot(pair_force[i], mean.velocity) + dot(pair_torque[i], mean.spin));
+    double power = dot(pair_force[i], mean_velocity(i, kick.middle));
+    if (turns) power += dot(pair_torque[i], mean_spin(i, kick.middle));
+    total.energy[PAIR_WORK] += kick.length * power;
   }
 }
 
 double FixBlastLosses::compute_vector(int channel)
 {
-  return tally.total(channel, world);
+  return counted_by_now().total(channel, world);
 }
 
 double FixBlastLosses::memory_usage()
@@ -157,7 +185,7 @@ double FixBlastLosses::memory_usage()
 
 void FixBlastLosses::write_restart(FILE *fp)
 {
-  tally.write_restart(fp, world);
+  counted_by_now().write_restart(fp, world);
 }
 
 void FixBlastLosses::restart(char *buffer)

@@ -24,6 +24,7 @@ public:
   void initial_integrate(int) override;
   void post_force(int) override;
   void end_of_step() override;
+  void post_run() override;
   double compute_vector(int) override;
   double memory_usage() override;
   void write_restart(FILE *) override;
@@ -32,20 +33,30 @@ public:
 private:
   enum Channel { DAMPING, FRICTION, BOND_FRICTION, BOND_FORMATION, PAIR_WORK, CHANNELS };
 
-  struct MeanMotion {
-    blast::Vector3 velocity, spin;
-  };
+  using Tally = EnergyTally<CHANNELS>;
 
-  void tally_half_kick(double sign);
-  void tally_contacts(double sign);
-  void tally_pair_forces(double sign);
-  MeanMotion mean_motion(int i, double sign) const;
+  // A change of velocities by the present forces: how long it takes, and how far ahead of the
+  // present velocities its middle lies (behind, where negative), both in s.
+  struct Kick {
+    double length, middle;
+  };
+  Kick closing_kick() const;
+  Kick opening_kick() const;
+
+  void count(const Kick &, Tally &) const;
+  void count_contacts(const Kick &, Tally &) const;
+  void count_pair_forces(const Kick &, Tally &) const;
+  void close_step();
+  Tally counted_by_now() const;
+  blast::Vector3 mean_velocity(int i, double middle) const;
+  blast::Vector3 mean_spin(int i, double middle) const;
 
   class PairBlastContact *pair = nullptr;
   bool counts_pair_work = false;
   bool turns = false;        // whether particles have spins and torques
+  bool closing_due = false;  // the kick that ended the last step is not counted yet
   double heat_counted = 0.0; // of the pair style's formation heat
-  EnergyTally<CHANNELS> tally;
+  Tally tally;
   std::vector<blast::Vector3> pair_force, pair_torque; // of the last evaluation, by local index
 };
 

@@ -8,6 +8,7 @@
 
 #include "atom.h"
 #include "comm.h"
+#include "domain.h"
 #include "error.h"
 #include "force.h"
 #include "memory.h"
@@ -159,7 +160,10 @@ void PairBlastContact::init_style()
   if (!atom->radius_flag) error->all(FLERR, "{} requires atom attribute radius", STYLE);
   if (rotation && (!atom->omega_flag || !atom->torque_flag))
     error->all(FLERR, "{} with rotation requires atom attributes omega and torque", STYLE);
-  neighbor->add_request(this, NeighConst::REQ_SIZE | NeighConst::REQ_NEWTON_OFF);
+  // Without ghosts the list holds the same pairs either way, and is built faster with newton on.
+  const bool has_ghosts =
+      comm->nprocs > 1 || domain->xperiodic || domain->yperiodic || domain->zperiodic;
+  neighbor->add_request(this, NeighConst::REQ_SIZE | (has_ghosts ? NeighConst::REQ_NEWTON_OFF : 0));
 
   std::vector<double> here(types + 1, 0.0);
   for (int i = 0; i < atom->nlocal; i++)
@@ -224,13 +228,14 @@ void PairBlastContact::compute(int eflag, int vflag)
   const int *type = atom->type;
 
   for (int ii = 0; ii < list->inum; ii++) {
-    const int i = list->ilist[ii];
+    const int i = list->ilist[ii], count = list->numneigh[i];
+    if (count == 0) continue;
     const Vector3 position(x[i]);
     const double radius_i = radius[i];
     const ContactLaw *laws_of_i = &law(type[i], 0);
     const bool had_bonds = bonds && bonds->has_any(i);
     const int *neighbours = list->firstneigh[i];
-    for (int jj = 0; jj < list->numneigh[i]; jj++) {
+    for (int jj = 0; jj < count; jj++) {
       const int j = neighbours[jj] & NEIGHMASK;
       const Vector3 offset = Vector3(x[j]) - position;
       const double square = dot(offset, offset), reach = radius_i + radius[j];

@@ -211,8 +211,9 @@ void PairBlastNearField::compute_by_list()
       if (square >= squares_of_i[type[j]]) continue;
       if (square == 0.0) stop_at_coincidence(atom->tag[i], atom->tag[j]);
       const NearField &between = fields_of_i[type[j]];
-      const double distance = std::sqrt(square), both = factors[i] * factors[j];
-      const double per_offset = both * near_field_force(between, distance) / distance;
+      const double inverse = 1.0 / std::sqrt(square), distance = square * inverse;
+      const double both = factors[i] * factors[j];
+      const double per_offset = both * inverse * near_field_force(between, distance, inverse);
       sum += per_offset * offset;
       if (newton_pair || j < nlocal) (Vector3(f[j]) - per_offset * offset).store(f[j]);
       if (evflag) {

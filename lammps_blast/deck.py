@@ -71,6 +71,7 @@ ENERGY_ACCOUNTS = (
     "bond_friction_loss",
     "bond_formation_loss",
 )
+NO_GHOSTS = "comm_modify cutoff 1.0e-9"
 # Steps between two looks for numbers gone wild, and the part of the largest kinetic energy that may
 # come from nothing before a run is stopped.
 WATCH_EVERY = 10
@@ -86,7 +87,7 @@ def write_deck(case: Case, particles: Particles, folder: Path) -> None:
         If a file cannot be written.
     """
     (folder / DECK).write_text(deck_text(case, particles), encoding="ascii")
-    write_particle_data(particles, folder / PARTICLE_DATA)
+    write_particle_data(particles, folder / PARTICLE_DATA, signs=uses_signs(case, particles))
 
 
 def write_resolved_case(case: Case, folder: Path) -> None:
@@ -107,8 +108,10 @@ def write_resolved_case(case: Case, folder: Path) -> None:
     (folder / CASE).write_text(dump_case(case), encoding="utf-8")
 
 
-def write_particle_data(particles: Particles, path: Path) -> None:
+def write_particle_data(particles: Particles, path: Path, *, signs: bool = False) -> None:
     """Write the LAMMPS data file of `particles`, exact to the last bit of each number.
+
+    With `signs` it has a section of them, which LAMMPS has to be told of.
 
     Raises
     ------
@@ -140,7 +143,7 @@ def write_particle_data(particles: Particles, path: Path) -> None:
             file.write("\nVelocities # hybrid\n\n")
             motion = (identity, particles.velocity, particles.angular_velocity)
             np.savetxt(file, np.column_stack(motion), fmt=["%d"] + 6 * ["%.17g"])
-        if (particles.sign < 0).any():
+        if signs:
             file.write(f"\n{SIGN_SECTION}\n\n")
             np.savetxt(file, np.column_stack([identity, particles.sign]), fmt="%d")
 
@@ -153,6 +156,7 @@ def deck_text(case: Case, particles: Particles) -> str:
         system_commands(particles, PARTICLE_DATA, case),
         _relaxation(case),
         pair_commands(pair_styles(case, particles)),
+        _ghosts_no_more(case),
         _forces_and_integration(case),
         _launch(case),
         _ledger(case),
@@ -215,7 +219,7 @@ def _no_neighbours(particles: Particles) -> str:
 # Particles do not interact: ranks share the work and need no ghosts. Particles change ranks as soon
 # as one of them has moved half the skin, so that none crosses a whole rank's share unnoticed.
 atom_modify sort 0 0.0
-comm_modify cutoff 1.0e-9
+{NO_GHOSTS}
 neighbor {number(SKIN_OF_CLOUD * extent)} bin
 """
 
@@ -249,6 +253,17 @@ def _reading(data: str, signs: bool) -> str:
 
 def _is_relaxed(case: Case) -> bool:
     return isinstance(case.particles, PackedParticles) and case.particles.packing.relax
+
+
+def _needs_ghosts(case: Case) -> bool:
+    return bool(case.contact or (case.near_field and case.near_field.cutoff != "all"))
+
+
+def _ghosts_no_more(case: Case) -> str:
+    """Return what keeps LAMMPS from looking for ghosts, where the start of the deck let it."""
+    if _needs_ghosts(case) or not (case.interacts or _is_relaxed(case)):
+        return ""
+    return f"{NO_GHOSTS}\n"
 
 
 def _relaxation(case: Case) -> str:

@@ -84,6 +84,7 @@ class _DeckRun:
     def __init__(self) -> None:
         self._lammps: Any = None
         self._counter: ctypes.c_int64 | None = None
+        self._start_of_time: ctypes.c_double | None = None
         self._last_count = 0
         self._stop = threading.Event()
         # Not Thread.join: a Ctrl-C during a join makes Python take the thread for ended.
@@ -94,8 +95,11 @@ class _DeckRun:
 
     @property
     def steps_done(self) -> int:
-        counter = self._counter
-        return self._last_count if counter is None else counter.value
+        """Steps since the pulse: those of a relaxation, at negative times, do not count."""
+        counter, start = self._counter, self._start_of_time
+        if counter is None or start is None:
+            return self._last_count
+        return counter.value if start.value >= 0.0 else 0
 
     def stop(self) -> None:
         """Ask LAMMPS to end its run after the present step."""
@@ -106,7 +110,8 @@ class _DeckRun:
     def execute(self) -> None:
         try:
             self._lammps = start_lammps()
-            self._counter = _step_counter(self._lammps)
+            self._counter = _global_number(self._lammps, b"ntimestep", ctypes.c_int64)
+            self._start_of_time = _global_number(self._lammps, b"atime", ctypes.c_double)
             if not self._stop.is_set():
                 self._lammps.file(DECK)
             if self._stop.is_set():
@@ -116,7 +121,10 @@ class _DeckRun:
         except EngineError as failure:
             self.failure = failure
         except Exception as error:
-            self.lammps_error = str(error)
+            # A deck that is stopped between two of its runs ends with an error, and is meant to.
+            self.interrupted = self._stop.is_set()
+            if not self.interrupted:
+                self.lammps_error = str(error)
         finally:
             self._close()
             self.ended.set()
@@ -157,11 +165,11 @@ def _load_mpi() -> None:
                 ctypes.CDLL(str(file.locate()), mode=ctypes.RTLD_GLOBAL)
 
 
-def _step_counter(lammps: Any) -> ctypes.c_int64:
-    """Return LAMMPS's own step counter, readable from any thread while LAMMPS runs."""
+def _global_number(lammps: Any, name: bytes, kind: Any) -> Any:
+    """Return one of LAMMPS's own global numbers, readable from any thread while LAMMPS runs."""
     library = lammps.lib
-    library.lammps_extract_global.restype = ctypes.POINTER(ctypes.c_int64)
-    return library.lammps_extract_global(lammps.lmp, b"ntimestep").contents
+    library.lammps_extract_global.restype = ctypes.POINTER(kind)
+    return library.lammps_extract_global(lammps.lmp, name).contents
 
 
 @contextlib.contextmanager

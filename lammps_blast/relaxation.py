@@ -22,6 +22,8 @@ KINETIC_LIMIT = 1e-3
 PHASE_PER_STEP = 0.15
 # Of critical damping of one spring: low enough to let a dense cloud spread, high enough to stop it.
 DAMPING_RATIO = 0.1
+# Time runs from here while the packing relaxes, so that all of it lies before the pulse, at zero.
+BEGINNING = -1.0e9
 CHECK_EVERY = 50
 MOST_STEPS = 200_000
 
@@ -50,12 +52,14 @@ def relaxation_commands(packed: PackedParticles, step: float) -> str:
     rest = KINETIC_LIMIT * packed.count * 0.5 * spring * (2.0 * ALLOWANCE * radius) ** 2
     reach = packed.packing.domain_radius - radius
     return f"""\
-# Relaxation: spheres wider by {ALLOWANCE:g} of their radius push each other apart like springs inside the
-# domain, against a viscous drag, until the strain of every contact is below {ALLOWANCE / 2:g} and the kinetic
-# energy below {rest:.4g} J. No contact is then left between the spheres themselves.
+# Relaxation: spheres wider by {ALLOWANCE:g} of their radius push each other apart like springs
+# inside the domain, against a viscous drag, until the strain of every contact is below
+# {ALLOWANCE / 2:g} and the kinetic energy below {rest:.4g} J. No contact is then left between the
+# spheres themselves.
 variable centre_x equal $(xcm(all,x):%.17g)
 variable centre_y equal $(xcm(all,y):%.17g)
 variable centre_z equal $(xcm(all,z):%.17g)
+reset_timestep 0 time {number(BEGINNING)}
 timestep {number(step)}
 set group all diameter {number(2.0 * wide)}
 pair_style {CONTACT_STYLE}

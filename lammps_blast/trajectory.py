@@ -367,7 +367,7 @@ class _Binary:
 
     @classmethod
     def table(cls, frame: bytes, header: _Header, columns: _Columns) -> np.ndarray:
-        chunks = cls._chunks(frame, header)
+        chunks = [(a, b) for a, b in cls._chunks(frame, header) if a < b]
         if len(chunks) > 1 and "id" not in columns.scalars:
             raise TrajectoryError(
                 "written by several MPI ranks without an id column: the order of the atoms is "
@@ -381,7 +381,7 @@ class _Binary:
 
     @classmethod
     def _chunks(cls, buffer: Buffer, header: _Header) -> list[tuple[int, int]]:
-        """First and last offset of each rank's doubles, empty ones left out."""
+        """First and last offset of each rank's doubles."""
         at = _Cursor(buffer, header.body)
         missing = header.n_atoms * len(header.columns)
         chunks = []
@@ -392,8 +392,7 @@ class _Binary:
             start = at.offset
             at.skip(8 * n)
             missing -= n
-            if n:
-                chunks.append((start, at.offset))
+            chunks.append((start, at.offset))
         if missing:
             raise TrajectoryError(f"damaged: {missing} numbers fewer than announced")
         return chunks

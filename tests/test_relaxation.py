@@ -88,7 +88,9 @@ def relax(folder, text, *words, ranks=1):
     )
 
 
-@pytest.mark.parametrize(("count", "fraction"), [(60, 0.5), (300, 0.45), (300, 0.57), (2000, 0.55)])
+@pytest.mark.parametrize(
+    ("count", "fraction"), [(6, 0.35), (60, 0.5), (300, 0.45), (300, 0.56), (2000, 0.58)]
+)
 def test_dense_packing_comes_apart_inside_its_domain(tmp_path, count, fraction):
     relaxed = relax(tmp_path / "run", text_of(count, fraction))
     before, after = relaxed.gaps
@@ -98,7 +100,7 @@ def test_dense_packing_comes_apart_inside_its_domain(tmp_path, count, fraction):
     # The wall gives way by about the allowance; then the cloud is moved back to its centre.
     outermost = np.linalg.norm(relaxed.position - relaxed.shift, axis=1).max()
     assert outermost + relaxed.radius <= 1.0 + 2.0 * ALLOWANCE * relaxed.radius
-    assert np.linalg.norm(relaxed.shift) < 0.15 * relaxed.radius
+    assert np.linalg.norm(relaxed.shift) < 0.3 * relaxed.radius
     centres = relaxed.packed.mean(axis=0), relaxed.position.mean(axis=0)
     assert centres[1] == pytest.approx(centres[0], abs=1e-14)
     assert not relaxed.velocity.any()

@@ -109,7 +109,9 @@ void FixBlastWatch::check_overlap()
   const auto &contact = pair->deepest_contact();
   deepest = contact.strain;
   if (contact.strain > strain_limit)
-    error->one(FLERR, "{}: atoms {} and {} overlap by {:.3g} of their radii at time {:.10g}{}",
+    error->one(FLERR,
+               "{}: atoms {} and {} overlap by {:.3g} of their radii at time {:.10g}: forces are "
+               "beyond what the contact law resists{}",
                STYLE, contact.first, contact.second, contact.strain, simulated_time(*update),
                advice());
 }

@@ -53,9 +53,11 @@ TRAJECTORIES = {"text": TEXT_TRAJECTORY, "binary": BINARY_TRAJECTORY}
 # Part of the cloud's first width: narrower than the share of one among dozens of ranks in a row,
 # even where a magnetic field draws the cloud together to a fraction of that width.
 SKIN_OF_CLOUD = 0.005
-# Part of the smallest diameter: wide enough that lists last for many steps, narrow enough that they
-# hold few pairs that do not touch.
-SKIN_OF_CONTACT = 0.2
+# Parts of a usual diameter and of a near field's cutoff: wide enough that lists last for many
+# steps, narrow enough that they hold few pairs that feel nothing.
+SKIN_OF_CONTACT, SKIN_OF_CUTOFF = 0.2, 0.1
+# So few particles are compared each with each: LAMMPS's bins fail when all lie in a plane.
+FEW_PARTICLES = 500
 
 ENERGY_ACCOUNTS = (
     "kinetic",
@@ -71,11 +73,13 @@ ENERGY_ACCOUNTS = (
     "bond_friction_loss",
     "bond_formation_loss",
 )
-NO_GHOSTS = "comm_modify cutoff 1.0e-9"
+NO_GHOSTS = "atom_modify sort 0 0.0\ncomm_modify cutoff 1.0e-9"
 # Steps between two looks for numbers gone wild, and the part of the largest kinetic energy that may
 # come from nothing before a run is stopped.
 WATCH_EVERY = 10
 ENERGY_FROM_NOTHING = 0.1
+# Of the energies in the ledger, what their sums are not trusted to.
+ROUNDING_OF_LEDGER = 1e-9
 
 
 def write_deck(case: Case, particles: Particles, folder: Path) -> None:
@@ -201,7 +205,7 @@ def system_commands(particles: Particles, data: str, case: Case | None = None) -
     """
     touching = case is not None and (case.interacts or _is_relaxed(case))
     signs = case is not None and uses_signs(case, particles)
-    neighbours = _neighbours_in_contact(particles) if touching else _no_neighbours(particles)
+    neighbours = _neighbours(particles, case) if touching else _no_neighbours(particles)
     return f"""\
 units si
 atom_style hybrid sphere charge
@@ -218,17 +222,20 @@ def _no_neighbours(particles: Particles) -> str:
     return f"""\
 # Particles do not interact: ranks share the work and need no ghosts. Particles change ranks as soon
 # as one of them has moved half the skin, so that none crosses a whole rank's share unnoticed.
-atom_modify sort 0 0.0
 {NO_GHOSTS}
 neighbor {number(SKIN_OF_CLOUD * extent)} bin
 """
 
 
-def _neighbours_in_contact(particles: Particles) -> str:
-    skin = SKIN_OF_CONTACT * 2.0 * float(particles.radius.min())
+def _neighbours(particles: Particles, case: Case) -> str:
+    skin = SKIN_OF_CONTACT * 2.0 * float(np.median(particles.radius))
+    field = case.near_field
+    cutoff = field.cutoff if field and field.cutoff != "all" else 0.0
+    extent = float(np.ptp(particles.position, axis=0).max())
+    few = len(particles) <= FEW_PARTICLES or cutoff > extent
     return f"""\
 comm_modify vel yes
-neighbor {number(skin)} bin
+neighbor {number(max(skin, SKIN_OF_CUTOFF * cutoff))} {"nsq" if few else "bin"}
 """
 
 
@@ -371,18 +378,28 @@ def _watch(case: Case, particles: Particles) -> str:
     """Return the commands that stop a run of interacting particles when it becomes unstable."""
     if not case.interacts:
         return ""
-    held = "v_kinetic+v_rotational+v_contact_energy+v_bond_energy+v_near_field_energy"
-    lost = "v_drag_loss+v_contact_loss+v_friction_loss+v_bond_friction_loss+v_bond_formation_loss"
-    balance = f"{held}+{lost}-v_electric_work"
     advised = advised_step(case, particles)
     advice = f" advice {number(advised[0])}" if advised else ""
     return f"""\
-variable balance equal {balance}
-variable balance_start equal $(v_balance:%.17g)
-variable created equal v_balance-v_balance_start
+{_energy_from_nothing(case)}
 fix watch all blast/watch {WATCH_EVERY}{advice}
 fix watch_energy all blast/watch ${{output_every}} energy v_created {ENERGY_FROM_NOTHING}{advice}
 """
+
+
+def _energy_from_nothing(case: Case) -> str:
+    """Return the variable `created`, in joules, positive only when a run goes wrong."""
+    if case.contact and case.contact.is_stock:
+        # Their loss is what their forces took, whatever that was; they may not give.
+        return "variable created equal -v_contact_loss"
+    held = "v_kinetic+v_rotational+v_contact_energy+v_bond_energy+v_near_field_energy"
+    lost = "v_drag_loss+v_contact_loss+v_friction_loss+v_bond_friction_loss+v_bond_formation_loss"
+    size = "abs(v_contact_energy)+abs(v_bond_energy)+abs(v_near_field_energy)+v_contact_loss"
+    return f"""\
+variable balance equal {held}+{lost}-v_electric_work
+variable balance_start equal $(v_balance:%.17g)
+variable rounding equal {ROUNDING_OF_LEDGER}*({size})
+variable created equal v_balance-v_balance_start-v_rounding"""
 
 
 def _ledger_row() -> str:

@@ -201,6 +201,12 @@ def _advice(lammps_message: str) -> str:
     for sign, advice in (
         ("Unrecognized", "is the plugin of this package installed? try: pip install ."),
         ("annot open", "is there room on the disk, and may the folder be written?"),
+        (
+            "packing_did_not_relax",
+            "the packing is too dense to come to rest: take a smaller particles.count or"
+            " particles.radius, or a larger particles.packing.domain_radius",
+        ),
+        ("neighbor bins", "particles flew far apart: try a smaller time.step"),
         ("Lost atoms", "particles flew out of reach: try a smaller time.step"),
         ("Non-numeric", "numbers overflowed: try a smaller time.step, and check the units"),
     ):

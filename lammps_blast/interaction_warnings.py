@@ -18,6 +18,8 @@ from lammps_blast.pairs import (
     softened_stiffness,
 )
 from lammps_blast.particles import Particles
+from lammps_blast.step_advice import expected_strain, launch_speed
+from lammps_blast.theory import Floats
 
 
 def check_near_field(case: Case, particles: Particles) -> None:
@@ -35,10 +37,21 @@ def check_near_field(case: Case, particles: Particles) -> None:
     )
     pairs = pair_kinds(particles.radius, particles.mass, sources)
     law = near_field_law(case.near_field)
-    overlaps = equilibrium_overlaps(case.contact, law, pairs)
+    with np.errstate(all="ignore"):
+        force = interactions.near_field_force(pairs.reach, pairs.source_product, law)
+        _check_size(force)
+        overlaps = equilibrium_overlaps(case.contact, law, pairs)
     for pair, overlap in zip(pairs, overlaps, strict=True):
         if overlap is None:
             raise CaseError(_diverges(case.near_field, case.contact, pair))
+
+
+def _check_size(force: Floats) -> None:
+    if not np.isfinite(force).all():
+        raise CaseError(
+            "near_field: the force between two particles that touch is beyond the range of "
+            "floating-point numbers; check the strengths, the exponents and the units"
+        )
 
 
 def _diverges(near_field: NearField, contact: Contact, pair: PairKinds) -> str:
@@ -66,6 +79,15 @@ def case_warnings(case: Case, particles: Particles) -> Iterator[str]:
             f"{diameter:g} m: such particles feel their near field only where they overlap"
         )
     bond, contact = case.bond, case.contact
+    if contact is not None and len(particles) > 1:
+        yield from _softness_warnings(case, particles)
+    if bond is not None and contact is not None and bond_wins(bond, contact):
+        yield (
+            f"bond.stiffness {bond.stiffness:g} N/m2 with exponent {bond.exponent:g}: a bond pulls "
+            f"harder than the contact pushes still at a strain of {LARGEST_STRAIN:g}: bonded "
+            "particles fall into each other; take a smaller stiffness, or an exponent below "
+            f"contact.exponent, {contact.exponent:g}"
+        )
     if bond is not None and contact is not None and not can_bond_pull(bond, contact):
         yield (
             f"bond.stiffness {bond.stiffness:g} N/m2 with exponent {bond.exponent:g}: "
@@ -73,6 +95,25 @@ def case_warnings(case: Case, particles: Particles) -> Iterator[str]:
             f"{softened_stiffness(contact):g} N/m2 and exponent {contact.exponent:g}, "
             "always pushes harder; bonds only soften contacts"
         )
+
+
+def _softness_warnings(case: Case, particles: Particles) -> Iterator[str]:
+    pairs = pair_kinds(particles.radius, particles.mass, np.zeros(len(particles)))
+    strain = float(expected_strain(case, pairs, launch_speed(case, particles)).max())
+    if strain >= LARGEST_STRAIN:
+        assert case.contact is not None
+        key = "stiffness" if case.contact.youngs_modulus is None else "youngs_modulus"
+        yield (
+            f"contact.{key} is too small for the speed of the launch: two particles that meet head "
+            f"on are pressed to half the sum of their radii or more; take a larger one"
+        )
+
+
+def bond_wins(bond: Bond, contact: Contact) -> bool:
+    """Tell whether a bond is stronger than the contact at the largest strain meant."""
+    assert contact.exponent is not None
+    pull = bond.stiffness * LARGEST_STRAIN**bond.exponent
+    return pull >= softened_stiffness(contact) * LARGEST_STRAIN**contact.exponent
 
 
 def can_bond_pull(bond: Bond, contact: Contact) -> bool:

@@ -68,7 +68,7 @@ def pair_kinds(radius: Floats, mass: Floats, source: Floats) -> PairKinds:
     radius, mass, source
         (N,) arrays in m, kg and the unit of `near_field_source`.
     """
-    kinds, counts = np.unique(np.column_stack([radius, mass, source]), axis=0, return_counts=True)
+    kinds, counts = _distinct(np.column_stack([radius, mass, source]))
     chosen = _spread_kinds(kinds)
     kinds, counts = kinds[chosen], counts[chosen]
     i, j = np.triu_indices(len(kinds))
@@ -80,6 +80,16 @@ def pair_kinds(radius: Floats, mass: Floats, source: Floats) -> PairKinds:
         effective_mass=interactions.effective_mass(kinds[i, 1], kinds[j, 1]),
         source_product=kinds[i, 2] * kinds[j, 2],
     )
+
+
+def _distinct(properties: Floats) -> tuple[Floats, Any]:
+    """Return the distinct rows and how often each occurs; column by column, as rows sort slowly."""
+    code = np.zeros(len(properties), dtype=np.int64)
+    for column in properties.T:
+        values, number = np.unique(column, return_inverse=True)
+        _, code = np.unique(code * len(values) + number, return_inverse=True)
+    _, first, counts = np.unique(code, return_index=True, return_counts=True)
+    return properties[first], counts
 
 
 def _spread_kinds(kinds: Floats) -> Any:

@@ -76,7 +76,7 @@ thermo_style custom step c_motion v_strain
 thermo {20 * CHECK_EVERY}
 run {MOST_STEPS}
 unfix settled
-fix packing_did_not_relax all halt 1 v_unsettled > 0.5 error hard
+fix packing_did_not_relax all halt 1 v_strain > {number(ALLOWANCE)} error hard
 run 1 post no
 print "Relaxed packing: steps $(step-1), kinetic energy $(c_motion:%.4g) J, largest strain &
 $(v_strain:%.4g) of spheres wider by {ALLOWANCE:g}"

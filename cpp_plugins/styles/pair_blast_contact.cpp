@@ -42,7 +42,7 @@ PairBlastContact::~PairBlastContact()
 {
   delete[] pvector;
   if (copymode) return;
-  if (bonds) modify->delete_fix(BONDS_FIX);
+  if (bonds && modify->get_fix_by_id(BONDS_FIX) == bonds) modify->delete_fix(BONDS_FIX);
   if (allocated) {
     memory->destroy(setflag);
     memory->destroy(cutsq);
@@ -165,6 +165,10 @@ void PairBlastContact::init_style()
       comm->nprocs > 1 || domain->xperiodic || domain->yperiodic || domain->zperiodic;
   neighbor->add_request(this, NeighConst::REQ_SIZE | (has_ghosts ? NeighConst::REQ_NEWTON_OFF : 0));
 
+  if (bonds && modify->get_fix_by_id(BONDS_FIX) != bonds)
+    error->all(FLERR, "{}: fix {} was deleted: give the pair_style command again", STYLE,
+               BONDS_FIX);
+
   std::vector<double> here(types + 1, 0.0);
   for (int i = 0; i < atom->nlocal; i++)
     here[atom->type[i]] = std::max(here[atom->type[i]], atom->radius[i]);
@@ -180,6 +184,12 @@ double PairBlastContact::init_one(int i, int j)
     error->all(FLERR, "{} with damping, friction or bonds requires: comm_modify vel yes", STYLE);
   if (between.bond.acts() && between.bond.lasts && !bonds) {
     if (!atom->tag_enable) error->all(FLERR, "{} with bonds requires atom IDs", STYLE);
+    const double shortest = 2.0 * (largest_radius[i] + largest_radius[j] + neighbor->skin);
+    const int *periodic = domain->periodicity;
+    for (int k = 0; k < 3; k++)
+      if (periodic[k] && domain->prd[k] < shortest)
+        error->all(FLERR, "{} with bonds needs a periodic box longer than {:.6g} m", STYLE,
+                   shortest);
     if (modify->get_fix_by_id(BONDS_FIX))
       error->all(FLERR, "{} with bonds may be used only once", STYLE);
     bonds =
@@ -249,7 +259,7 @@ void PairBlastContact::compute(int eflag, int vflag)
       add_forces(contact);
       if (evflag) tally(contact, between);
       if (keeps_contacts) contacts.push_back(contact);
-      if (contact.strain > deepest.strain) deepest = {contact.strain, atom->tag[i], atom->tag[j]};
+      note_depth(contact);
     }
   }
   if (reviews_bonds) bonds->end_review();
@@ -328,6 +338,14 @@ void PairBlastContact::add_forces(const Contact &contact)
   const Vector3 turning = cross(contact.normal, force);
   (Vector3(atom->torque[i]) + contact.arm_i * turning).store(atom->torque[i]);
   if (owns_j) (Vector3(atom->torque[j]) + contact.arm_j * turning).store(atom->torque[j]);
+}
+
+void PairBlastContact::note_depth(const Contact &contact)
+{
+  const bool swallowed =
+      blast::is_swallowed(contact.distance, atom->radius[contact.i], atom->radius[contact.j]);
+  if (deepest.swallowed ? !swallowed : !swallowed && contact.strain <= deepest.strain) return;
+  deepest = {contact.strain, atom->tag[contact.i], atom->tag[contact.j], swallowed};
 }
 
 double PairBlastContact::share(const Contact &contact) const

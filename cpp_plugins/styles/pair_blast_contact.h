@@ -75,10 +75,12 @@ public:
   // Which part of a contact is this rank's: a half where another rank owns j.
   double share(const Contact &contact) const;
 
-  // Largest strain of the last force computation on this rank, with the ids of the two.
+  // Largest strain of the last force computation on this rank, with the ids of the two; if a sphere
+  // lies inside another, those two instead.
   struct DeepestContact {
     double strain = 0.0;
     tagint first = 0, second = 0;
+    bool swallowed = false;
   };
   const DeepestContact &deepest_contact() const { return deepest; }
 
@@ -94,6 +96,7 @@ private:
   bool decide_bond(const Contact &, const ContactLaw &);
   void separate(int i, int j);
   void add_forces(const Contact &);
+  void note_depth(const Contact &);
   void tally(const Contact &, const ContactLaw &);
   double contact_energy(const Contact &, const ContactLaw &) const;
   double bond_energy(const Contact &, const ContactLaw &) const;

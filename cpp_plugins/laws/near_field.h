@@ -58,9 +58,9 @@ struct NearField {
 // A step from 1 at `cutoff - switch_width` down to 0 at `cutoff`, with two continuous derivatives.
 inline double switching(const NearField &field, double distance)
 {
-  const double part = (distance - (field.cutoff - field.switch_width)) / field.switch_width;
+  const double left = (field.cutoff - distance) / field.switch_width, part = 1.0 - left;
   if (part <= 0.0) return 1.0;
-  return 1.0 - part * part * part * (10.0 - part * (15.0 - 6.0 * part));
+  return left * left * left * (1.0 + part * (3.0 + 6.0 * part));
 }
 
 // Attraction less repulsion of eq. 7.23 for unit factors, with neither cutoff nor switch.

@@ -79,19 +79,36 @@ void FixBlastLosses::post_force(int /*vflag*/)
 
 // The work of a force over a half kick is force times the mean of the velocities before and after.
 // The kick that ends a step and the one that begins the next have one velocity between them, and
-// the same forces: their means add up to that velocity, and one look counts both.
+// the same forces: where the two are equally long their means add up to that velocity, and one look
+// counts both.
 void FixBlastLosses::initial_integrate(int /*vflag*/)
 {
-  count(closing_due ? Kick{update->dt, 0.0} : opening_kick(), tally);
-  closing_due = false;
+  const bool both = closing_due == update->dt;
+  if (closing_due > 0.0 && !both) close_step();
+  count(both ? Kick{update->dt, 0.0} : opening_kick(), tally);
+  closing_due = 0.0;
 }
 
 void FixBlastLosses::end_of_step()
 {
-  closing_due = true;
-  if (!pair) return;
+  closing_due = update->dt;
+  if (pair) count_formation();
+}
+
+// A new bond pulls already in the kick that ends the step in which it forms, a kick that belongs to
+// the way there: that work is not set free as heat.
+void FixBlastLosses::count_formation()
+{
   tally.energy[BOND_FORMATION] += pair->formation_heat - heat_counted;
   heat_counted = pair->formation_heat;
+  const Kick kick = closing_kick();
+  for (const Contact &contact : pair->kept_contacts()) {
+    if (!contact.has_just_bonded) continue;
+    double along = dot(mean_velocity(contact.i, kick.middle), contact.normal);
+    if (contact.j < atom->nlocal)
+      along -= dot(mean_velocity(contact.j, kick.middle), contact.normal);
+    tally.energy[BOND_FORMATION] -= kick.length * contact.bond * along;
+  }
 }
 
 void FixBlastLosses::post_run()
@@ -102,19 +119,19 @@ void FixBlastLosses::post_run()
 void FixBlastLosses::close_step()
 {
   tally = counted_by_now();
-  closing_due = false;
+  closing_due = 0.0;
 }
 
 FixBlastLosses::Tally FixBlastLosses::counted_by_now() const
 {
   Tally total = tally;
-  if (closing_due) count(closing_kick(), total);
+  if (closing_due > 0.0) count(closing_kick(), total);
   return total;
 }
 
 FixBlastLosses::Kick FixBlastLosses::closing_kick() const
 {
-  return {0.5 * update->dt, -0.25 * update->dt};
+  return {0.5 * closing_due, -0.25 * closing_due};
 }
 
 FixBlastLosses::Kick FixBlastLosses::opening_kick() const

@@ -46,6 +46,7 @@ private:
   void count(const Kick &, Tally &) const;
   void count_contacts(const Kick &, Tally &) const;
   void count_pair_forces(const Kick &, Tally &) const;
+  void count_formation();
   void close_step();
   Tally counted_by_now() const;
   blast::Vector3 mean_velocity(int i, double middle) const;
@@ -53,8 +54,9 @@ private:
 
   class PairBlastContact *pair = nullptr;
   bool counts_pair_work = false;
-  bool turns = false;        // whether particles have spins and torques
-  bool closing_due = false;  // the kick that ended the last step is not counted yet
+  bool turns = false; // whether particles have spins and torques
+  // Length of the last step, where the kick that ended it is not counted yet, else zero.
+  double closing_due = 0.0;
   double heat_counted = 0.0; // of the pair style's formation heat
   Tally tally;
   std::vector<blast::Vector3> pair_force, pair_torque; // of the last evaluation, by local index

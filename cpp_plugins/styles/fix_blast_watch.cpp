@@ -88,11 +88,10 @@ void FixBlastWatch::post_integrate()
 {
   const double step = update->dt;
   for (int i = 0; i < atom->nlocal; i++) {
-    const Vector3 moved = step * (Vector3(atom->v[i]) - drift);
-    const double reach = particles_touch ? atom->radius[i] : INFINITY;
-    const double *x = atom->x[i];
-    if (!(dot(moved, moved) < reach * reach) || !std::isfinite(x[0] + x[1] + x[2]))
-      stop_at_motion(i);
+    const Vector3 position(atom->x[i]), velocity(atom->v[i]);
+    if (!std::isfinite(dot(position, position) + dot(velocity, velocity))) stop_at_no_number(i);
+    const Vector3 moved = step * (velocity - drift);
+    if (particles_touch && dot(moved, moved) > atom->radius[i] * atom->radius[i]) stop_at_motion(i);
   }
 }
 
@@ -117,7 +116,6 @@ void FixBlastWatch::measure_drift()
 void FixBlastWatch::stop_at_motion(int i) const
 {
   const double distance = update->dt * norm(Vector3(atom->v[i]) - drift);
-  if (!std::isfinite(distance) || !std::isfinite(norm(Vector3(atom->x[i])))) stop_at_no_number(i);
   error->one(FLERR, "{}: atom {} moves by {:.3g} of its radius in a step at time {:.10g}{}", STYLE,
              atom->tag[i], distance / atom->radius[i], simulated_time(*update), advice());
 }

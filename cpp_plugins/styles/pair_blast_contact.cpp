@@ -277,7 +277,7 @@ Contact PairBlastContact::contact_between(int i, int j, const Vector3 &offset, d
   contact.strain = std::max(0.0, blast::contact_strain(distance, radius_i, radius_j));
   contact.area = std::max(0.0, blast::lens_area(distance, radius_i, radius_j));
   contact.elastic = normal_force(law.stiffness, law.exponent, contact.strain, contact.area);
-  contact.bonded = law.bond.acts() && decide_bond(contact, law);
+  if (law.bond.acts()) decide_bond(contact, law);
   if (contact.bonded) contact.bond = bond_force(law.bond, contact.strain, contact.area);
   if (!law.needs_velocities()) return contact;
 
@@ -304,19 +304,18 @@ Contact PairBlastContact::contact_between(int i, int j, const Vector3 &offset, d
   return contact;
 }
 
-// Tells whether a contact is bonded, and remembers it where bonds last.
-bool PairBlastContact::decide_bond(const Contact &contact, const ContactLaw &law)
+// Settles whether a contact is bonded, and remembers it where bonds last.
+void PairBlastContact::decide_bond(Contact &contact, const ContactLaw &law)
 {
   const tagint *tag = atom->tag;
   const int i = contact.i, j = contact.j;
   const bool was_bonded = bonds && bonds->had(i, tag[j]);
-  const bool bonded = is_bonded(law.bond, contact.strain, was_bonded);
-  if (bonded && law.bond.lasts) {
-    bonds->form(i, tag[j]);
-    if (j < atom->nlocal) bonds->form(j, tag[i]);
-    if (!was_bonded) formation_heat -= share(contact) * bond_energy(contact, law);
-  }
-  return bonded;
+  contact.bonded = is_bonded(law.bond, contact.strain, was_bonded);
+  if (!contact.bonded || !law.bond.lasts) return;
+  bonds->form(i, tag[j]);
+  if (j < atom->nlocal) bonds->form(j, tag[i]);
+  contact.has_just_bonded = !was_bonded;
+  if (!was_bonded) formation_heat -= share(contact) * bond_energy(contact, law);
 }
 
 void PairBlastContact::separate(int i, int j)

@@ -41,6 +41,7 @@ struct Contact {
   double arm_i = 0.0, arm_j = 0.0; // zero without rotation
   double elastic = 0.0, damping = 0.0, friction = 0.0, bond = 0.0, bond_friction = 0.0;
   bool bonded = false;
+  bool has_just_bonded = false;   // with a bond that lasts
   blast::Vector3 normal, tangent; // n_ij and tau_ij
 
   blast::Vector3 force_on_i() const
@@ -93,7 +94,7 @@ private:
   ContactLaw mixed(int itype, int jtype);
   Contact contact_between(int i, int j, const blast::Vector3 &offset, double distance,
                           const ContactLaw &);
-  bool decide_bond(const Contact &, const ContactLaw &);
+  void decide_bond(Contact &, const ContactLaw &);
   void separate(int i, int j);
   void add_forces(const Contact &);
   void note_depth(const Contact &);

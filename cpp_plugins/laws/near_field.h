@@ -63,11 +63,21 @@ inline double switching(const NearField &field, double distance)
   return left * left * left * (1.0 + part * (3.0 + 6.0 * part));
 }
 
-// Attraction less repulsion of eq. 7.23 for unit factors, with neither cutoff nor switch.
+// Attraction less repulsion of eq. 7.23 for unit factors, with neither cutoff nor switch; the two
+// powers are of any kind that knows its exponent.
+template <class AttractionPower, class RepulsionPower>
+inline double near_field_balance(double attraction, const AttractionPower &attraction_power,
+                                 double repulsion, const RepulsionPower &repulsion_power,
+                                 double inverse_distance)
+{
+  return attraction * attraction_power(inverse_distance) -
+         repulsion * repulsion_power(inverse_distance);
+}
+
 inline double bare_near_field_force(const NearField &field, double inverse_distance)
 {
-  return field.attraction.strength * field.attraction.power(inverse_distance) -
-         field.repulsion.strength * field.repulsion.power(inverse_distance);
+  return near_field_balance(field.attraction.strength, field.attraction.power,
+                            field.repulsion.strength, field.repulsion.power, inverse_distance);
 }
 
 // Force along n_ij on i, for unit factors and a distance not beyond the cutoff.

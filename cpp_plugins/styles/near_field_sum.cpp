@@ -29,26 +29,16 @@ void FieldForces::clear(size_t count)
 
 namespace {
 
-template <int POWER> BLAST_INLINE double whole_power(double base)
-{
-  if constexpr (POWER == 0)
-    return 1.0;
-  else if constexpr (POWER % 2 == 0)
-    return whole_power<POWER / 2>(base * base);
-  else
-    return base * whole_power<POWER / 2>(base * base);
-}
-
-// Eq. 7.23 over the distance, so that it can be multiplied with the offset. Whole exponents known
-// to the compiler.
-template <int ATTRACTION, int REPULSION> struct WholePowers {
-  double attraction, repulsion;
-  BLAST_INLINE double operator()(double inverse) const
+// A whole exponent known to the compiler.
+template <int EXPONENT> struct WholePower {
+  BLAST_INLINE double operator()(double base) const
   {
-    constexpr int common = ATTRACTION < REPULSION ? ATTRACTION : REPULSION;
-    return whole_power<common + 1>(inverse) *
-           (attraction * whole_power<ATTRACTION - common>(inverse) -
-            repulsion * whole_power<REPULSION - common>(inverse));
+    if constexpr (EXPONENT == 0)
+      return 1.0;
+    else if constexpr (EXPONENT % 2 == 0)
+      return WholePower<EXPONENT / 2>()(base * base);
+    else
+      return base * WholePower<EXPONENT / 2>()(base * base);
   }
 };
 
@@ -76,21 +66,15 @@ template <bool HALVES> struct BinaryPower {
   }
 };
 
-template <bool HALVES> struct BinaryPowers {
+// Eq. 7.23 over the distance, so that it can be multiplied with the offset.
+template <class AttractionPower, class RepulsionPower> struct FieldByPowers {
   double attraction, repulsion;
-  BinaryPower<HALVES> attraction_power, repulsion_power;
+  AttractionPower attraction_power;
+  RepulsionPower repulsion_power;
   BLAST_INLINE double operator()(double inverse) const
   {
-    return inverse *
-           (attraction * attraction_power(inverse) - repulsion * repulsion_power(inverse));
-  }
-};
-
-struct RealPowers {
-  NearField field;
-  BLAST_INLINE double operator()(double inverse) const
-  {
-    return inverse * bare_near_field_force(field, inverse);
+    return inverse * blast::near_field_balance(attraction, attraction_power, repulsion,
+                                               repulsion_power, inverse);
   }
 };
 
@@ -98,24 +82,28 @@ struct RealPowers {
 template <class Sum> BLAST_INLINE double with_law_of(const NearField &field, const Sum &sum)
 {
   const double a = field.attraction.strength, r = field.repulsion.strength;
+  const auto by = [a, r](const auto &attraction_power, const auto &repulsion_power) {
+    return FieldByPowers<std::decay_t<decltype(attraction_power)>,
+                         std::decay_t<decltype(repulsion_power)>>{a, r, attraction_power,
+                                                                  repulsion_power};
+  };
   // An exponent does not matter where the strength is zero.
   int twice_a = field.attraction.power.twice, twice_r = field.repulsion.power.twice;
   if (a == 0.0) twice_a = twice_r == 4 ? 2 : twice_r;
   if (r == 0.0) twice_r = twice_a == 2 ? 4 : twice_a;
 
-  if (twice_a == 2 && twice_r == 4) return sum(WholePowers<1, 2>{a, r});
-  if (twice_a == 4 && twice_r == 2) return sum(WholePowers<2, 1>{a, r});
-  if (twice_a == 4 && twice_r == 4) return sum(WholePowers<2, 2>{a, r});
-  if (twice_a == 2 && twice_r == 6) return sum(WholePowers<1, 3>{a, r});
-  if (twice_a == 4 && twice_r == 6) return sum(WholePowers<2, 3>{a, r});
+  if (twice_a == 2 && twice_r == 4) return sum(by(WholePower<1>(), WholePower<2>()));
+  if (twice_a == 4 && twice_r == 2) return sum(by(WholePower<2>(), WholePower<1>()));
+  if (twice_a == 4 && twice_r == 4) return sum(by(WholePower<2>(), WholePower<2>()));
+  if (twice_a == 2 && twice_r == 6) return sum(by(WholePower<1>(), WholePower<3>()));
+  if (twice_a == 4 && twice_r == 6) return sum(by(WholePower<2>(), WholePower<3>()));
   constexpr int largest = 31;
   if (twice_a >= 0 && twice_r >= 0 && std::max(twice_a, twice_r) <= largest) {
     if (twice_a % 2 == 0 && twice_r % 2 == 0)
-      return sum(
-          BinaryPowers<false>{a, r, BinaryPower<false>(twice_a), BinaryPower<false>(twice_r)});
-    return sum(BinaryPowers<true>{a, r, BinaryPower<true>(twice_a), BinaryPower<true>(twice_r)});
+      return sum(by(BinaryPower<false>(twice_a), BinaryPower<false>(twice_r)));
+    return sum(by(BinaryPower<true>(twice_a), BinaryPower<true>(twice_r)));
   }
-  return sum(RealPowers{field});
+  return sum(by(field.attraction.power, field.repulsion.power));
 }
 
 // One target among the sources of a range: adds the force per factor of the target to `on_target`.

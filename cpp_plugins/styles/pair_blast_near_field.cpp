@@ -232,7 +232,8 @@ void PairBlastNearField::compute_all_pairs()
   if (neighbor->ago == 0) arrange_everyone();
   gather_everyone();
   forces.clear(everyone.place.size());
-  if (sum_all_pairs() == 0.0) find_coincidence();
+  if (sum_share() == 0.0) find_coincidence();
+  collect_forces();
 
   int n = 0;
   for (int t = 1; t <= types; t++)
@@ -300,6 +301,15 @@ void PairBlastNearField::arrange_everyone()
   all.tag.resize(tags.size());
   for (size_t g = 0; g < tags.size(); g++) all.tag[all.place[g]] = tags[g];
   all.sources.resize(tags.size());
+  all.share = share_of(comm->me);
+}
+
+// Equal shares of all particles: however they lie on the ranks, the ranks have the same work.
+Range PairBlastNearField::share_of(int rank) const
+{
+  const bigint count = static_cast<bigint>(everyone.place.size());
+  return {static_cast<int>(count * rank / comm->nprocs),
+          static_cast<int>(count * (rank + 1) / comm->nprocs)};
 }
 
 void PairBlastNearField::gather_everyone()
@@ -314,24 +324,42 @@ void PairBlastNearField::gather_everyone()
     everyone.sources.set(everyone.place[g], &all[each * g], all[each * g + 3]);
 }
 
-// Sums the forces on our own particles; returns the smallest square of a distance.
-double PairBlastNearField::sum_all_pairs()
+// Sums the forces on the particles of our share; returns the smallest square of a distance.
+double PairBlastNearField::sum_share()
 {
   double nearest = INFINITY;
   const FieldSources &all = everyone.sources;
   for (int t = 1; t <= types; t++) {
-    const Range own = everyone.own_of_type[t];
-    nearest = std::fmin(nearest, sum_among(field(t, t), all, own, forces));
+    const Range of_type = everyone.of_type[t];
+    const Range targets{std::max(of_type.begin, everyone.share.begin),
+                        std::min(of_type.end, everyone.share.end)};
+    if (targets.begin >= targets.end) continue;
+    nearest = std::fmin(nearest, sum_among(field(t, t), all, targets, forces));
     for (int u = 1; u <= types; u++) {
       const Range others = everyone.of_type[u];
-      // All of another type; of the same type those of the ranks before and after us.
-      const Range before{others.begin, t == u ? own.begin : others.end};
-      const Range after{t == u ? own.end : others.end, others.end};
+      // All of another type; of the same type those before and after our share.
+      const Range before{others.begin, t == u ? targets.begin : others.end};
+      const Range after{t == u ? targets.end : others.end, others.end};
       for (const Range range : {before, after})
-        nearest = std::fmin(nearest, sum_from(field(t, u), all, own, all, range, forces));
+        nearest = std::fmin(nearest, sum_from(field(t, u), all, targets, all, range, forces));
     }
   }
   return nearest;
+}
+
+// Brings the forces of all shares together.
+void PairBlastNearField::collect_forces()
+{
+  if (comm->nprocs == 1) return;
+  std::vector<int> counts, offsets;
+  for (int rank = 0; rank < comm->nprocs; rank++) {
+    const Range share = share_of(rank);
+    offsets.push_back(share.begin);
+    counts.push_back(share.end - share.begin);
+  }
+  for (auto *column : {&forces.x, &forces.y, &forces.z})
+    MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, column->data(), counts.data(),
+                   offsets.data(), MPI_DOUBLE, world);
 }
 
 // Energy and virial, which few steps ask for. A pair of ours is met once; one with a particle of
@@ -390,12 +418,11 @@ void PairBlastNearField::stop_at_coincidence(tagint first, tagint second)
 void PairBlastNearField::find_coincidence()
 {
   const FieldSources &all = everyone.sources;
-  for (int t = 1; t <= types; t++)
-    for (int i = everyone.own_of_type[t].begin; i < everyone.own_of_type[t].end; i++)
-      for (size_t k = 0; k < all.x.size(); k++)
-        if (static_cast<int>(k) != i && all.x[k] == all.x[i] && all.y[k] == all.y[i] &&
-            all.z[k] == all.z[i])
-          stop_at_coincidence(everyone.tag[i], everyone.tag[k]);
+  for (int i = everyone.share.begin; i < everyone.share.end; i++)
+    for (size_t k = 0; k < all.x.size(); k++)
+      if (static_cast<int>(k) != i && all.x[k] == all.x[i] && all.y[k] == all.y[i] &&
+          all.z[k] == all.z[i])
+        stop_at_coincidence(everyone.tag[i], everyone.tag[k]);
   error->one(FLERR, "{}: two atoms are too close for their distance to be squared", STYLE);
 }
 

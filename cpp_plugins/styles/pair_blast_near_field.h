@@ -40,6 +40,7 @@ private:
     FieldSources sources;
     std::vector<tagint> tag;
     std::vector<Range> of_type, own_of_type; // in `sources`
+    Range share;                             // of this rank in the work, in `sources`
     std::vector<int> own;                    // our local indices, by type
     std::vector<int> counts, offsets;        // of particles gathered from each rank
     std::vector<int> place;                  // in `sources`, of each particle gathered
@@ -56,7 +57,9 @@ private:
   void gather_everyone();
   template <class Number>
   std::vector<Number> gathered(const std::vector<Number> &ours, int each, MPI_Datatype) const;
-  double sum_all_pairs();
+  Range share_of(int rank) const;
+  double sum_share();
+  void collect_forces();
   void tally_all_pairs();
   [[noreturn]] void stop_at_coincidence(tagint first, tagint second);
   [[noreturn]] void find_coincidence();

@@ -162,6 +162,16 @@ def test_a_sphere_inside_another_stops(simulate):
         simulation.commands("run 30")
 
 
+def test_a_sphere_that_begins_inside_another_is_no_matter_of_the_step(simulate):
+    simulation = simulate(make_particles([[0.0, 0, 0], [0.02, 0, 0]], radius=[0.05, 0.02]))
+    simulation.commands(f"{CONTACT}\nfix watch all blast/watch 1 advice 1e-6\ntimestep 1.0e-9")
+    with pytest.raises(
+        Exception, match=r"as at the start: .* let them begin farther apart"
+    ) as stop:
+        simulation.commands("run 1")
+    assert "time step" not in str(stop.value)
+
+
 def test_created_energy_stops(simulate):
     """Two spheres meet in a step that is too long for their stiffness."""
     x = [[0.0, 0, 0], [3.0, 0, 0], [3.1004, 0, 0]]
@@ -229,7 +239,7 @@ def test_lost_atoms_stop(simulate):
         fix watch all blast/watch 1
         timestep 1.0e-3
     """)
-    message = "1 of 3 atoms were lost by time 0.006: try a smaller time step"
+    message = "1 of 3 atoms were lost by time 0.006 (IDs 2): try a smaller time step"
     with pytest.raises(Exception, match=re.escape(message)):
         simulation.commands("run 60")
 

@@ -76,6 +76,10 @@ void FixBlastWatch::init()
 void FixBlastWatch::setup(int /*vflag*/)
 {
   count_at_start = atom->natoms;
+  tagint largest_here = 0;
+  for (int i = 0; i < atom->nlocal; i++) largest_here = std::max(largest_here, atom->tag[i]);
+  MPI_Allreduce(&largest_here, &largest_id_at_start, 1, MPI_LMP_TAGINT, MPI_MAX, world);
+  swallowed_at_start = swallowed_pair();
   largest_kinetic = std::max(largest_kinetic, kinetic_energy());
   measure_drift();
   if (energy_limit > 0.0)
@@ -164,6 +168,11 @@ void FixBlastWatch::check_overlap()
   if (!pair) return;
   const auto &contact = pair->deepest_contact();
   deepest = contact.strain;
+  if (contact.swallowed && swallowed_pair() == swallowed_at_start)
+    error->one(FLERR,
+               "{}: of atoms {} and {} one lies inside the other at time {:.10g}, as at the start: "
+               "no contact law is meant for that; let them begin farther apart",
+               STYLE, contact.first, contact.second, simulated_time(*update));
   if (contact.swallowed)
     error->one(
         FLERR,
@@ -178,14 +187,41 @@ void FixBlastWatch::check_overlap()
                advice());
 }
 
+// The ids of two spheres of which one lies inside the other; zeros if there are none.
+std::pair<tagint, tagint> FixBlastWatch::swallowed_pair() const
+{
+  if (!pair || !pair->deepest_contact().swallowed) return {0, 0};
+  return std::minmax({pair->deepest_contact().first, pair->deepest_contact().second});
+}
+
 void FixBlastWatch::check_count() const
 {
   const bigint here = atom->nlocal;
   bigint count = 0;
   MPI_Allreduce(&here, &count, 1, MPI_LMP_BIGINT, MPI_SUM, world);
   if (count != count_at_start)
-    error->all(FLERR, "{}: {} of {} atoms were lost by time {:.10g}{}", STYLE,
-               count_at_start - count, count_at_start, simulated_time(*update), advice());
+    error->all(FLERR, "{}: {} of {} atoms were lost by time {:.10g}{}{}", STYLE,
+               count_at_start - count, count_at_start, simulated_time(*update), lost_atoms(),
+               advice());
+}
+
+// The first few of the ids that are there no more, where ids began without gaps.
+std::string FixBlastWatch::lost_atoms() const
+{
+  if (largest_id_at_start != count_at_start) return "";
+  std::vector<char> here(largest_id_at_start + 1, 0), anywhere(here.size(), 0);
+  for (int i = 0; i < atom->nlocal; i++)
+    if (atom->tag[i] <= largest_id_at_start) here[atom->tag[i]] = 1;
+  MPI_Allreduce(here.data(), anywhere.data(), static_cast<int>(here.size()), MPI_CHAR, MPI_MAX,
+                world);
+  constexpr int most = 5;
+  std::string ids;
+  int found = 0;
+  for (tagint id = 1; id <= largest_id_at_start && found <= most; id++) {
+    if (anywhere[id]) continue;
+    ids += ++found <= most ? fmt::format(" {}", id) : " ...";
+  }
+  return " (IDs" + ids + ")";
 }
 
 double FixBlastWatch::kinetic_energy() const

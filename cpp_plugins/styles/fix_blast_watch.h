@@ -8,6 +8,7 @@
 #include "fix.h"
 
 #include <string>
+#include <utility>
 
 namespace LAMMPS_NS {
 
@@ -29,7 +30,9 @@ private:
   [[noreturn]] void stop_at_no_number(int i) const;
   void check_forces() const;
   void check_overlap();
+  std::pair<tagint, tagint> swallowed_pair() const;
   void check_count() const;
+  std::string lost_atoms() const;
   void check_energy();
   double kinetic_energy() const;
   tagint fastest_particle() const;
@@ -43,6 +46,8 @@ private:
   bool particles_touch = false; // whether any pair style knows contacts
   blast::Vector3 drift;         // mean velocity
   bigint count_at_start = 0;
+  tagint largest_id_at_start = 0;
+  std::pair<tagint, tagint> swallowed_at_start{0, 0};
   double largest_kinetic = 0.0, created = 0.0, deepest = 0.0;
 };
 

@@ -46,7 +46,7 @@ def energy_and_error(case: Case) -> tuple[float, float]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_deck(case, particles, folder)
-        run_deck(folder, case.time.steps, case.time.step)
+        run_deck(folder, case.timesteps, case.timestep)
         start, end = (open_universe(folder).trajectory[frame].data for frame in (0, -1))
     exact, _ = theory.lorentz_orbit(
         1.0, start["position"], start["velocity"], 10.0, np.zeros(3), case.fields.magnetic

@@ -62,7 +62,9 @@ def section_9(name: str, **changes: Any) -> Case:
 def _changed(content: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     result = dict(content)
     for key, change in changes.items():
-        result[key] = _changed(content[key], change) if isinstance(change, dict) else change
+        if isinstance(change, dict):
+            change = _changed(content[key] or {}, change)
+        result[key] = change
     return result
 
 
@@ -113,7 +115,7 @@ def _relaxed_positions() -> np.ndarray:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_deck(case, create_particles(case), folder)
-        run_deck(folder, case.time.steps, case.time.step)
+        run_deck(folder, case.timesteps, case.timestep)
         return open_universe(folder).trajectory[0].data["position"].copy()
 
 

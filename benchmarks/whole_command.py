@@ -75,7 +75,7 @@ def stage_seconds() -> dict[str, float]:
             write_resolved_case(case, folder)
             write_deck(case, particles, folder)
         with stage("LAMMPS"):
-            run_deck(folder, case.time.steps, case.time.step)
+            run_deck(folder, case.timesteps, case.timestep)
         with stage("analysis"):
             analyses = analyze(folder)
             write_results(analyses, folder, figures=False)

@@ -7,6 +7,7 @@
 #include "fix_blast_losses.h"
 #include "fix_blast_watch.h"
 #include "fix_lorentz_drag.h"
+#include "fix_nve_implicit.h"
 #include "fix_nve_sphere_lorentz.h"
 #include "pair_blast_contact.h"
 #include "pair_blast_near_field.h"
@@ -96,6 +97,9 @@ extern "C" __attribute__((visibility("default"))) void lammpsplugin_init(void *l
 
   entry.creator.from_arguments = &create_style<LAMMPS_NS::FixNVESphereLorentz>;
   add("fix", "nve/sphere/lorentz", "lammps-blast: integration in a magnetic field and a medium");
+
+  entry.creator.from_arguments = &create_style<LAMMPS_NS::FixNVEImplicit>;
+  add("fix", "nve/implicit", "lammps-blast: adaptive implicit integration by the trapezoid");
 
   entry.creator.from_arguments = &create_style<LAMMPS_NS::ComputeLorentzDragAtom>;
   add("compute", "lorentz/drag/atom", "lammps-blast: magnetic force and drag on each sphere");

@@ -478,7 +478,7 @@ class EnergyLedger:
 
     @classmethod
     def read(cls, path: Path) -> EnergyLedger:
-        """Read `energy.csv`.
+        """Read `energy.csv`; columns behind those of the ledger are left to others.
 
         Raises
         ------
@@ -488,17 +488,41 @@ class EnergyLedger:
         Warns
         -----
         UserWarning
-            If the last line was cut short, as when a run was killed; it is left out.
+            If the last line was cut short.
         """
-        try:
-            text = path.read_text(encoding="ascii")
-            complete, _, cut = text.rpartition("\n")
-            if cut:
-                warnings.warn(f"{path}: the last line was cut short and is left out", stacklevel=2)
-            rows = list(csv.reader(complete.splitlines()))
-            table = np.array(rows[1:], dtype=float).reshape(-1, len(rows[0]))
-        except (OSError, ValueError, IndexError, UnicodeDecodeError, csv.Error) as error:
-            raise AnalysisError(f"{path}: not an energy table ({error})") from error
-        if tuple(rows[0]) != ("time", *ENERGY_ACCOUNTS) or len(table) == 0:
+        names, table = read_table(path, "an energy table")
+        own = ("time", *ENERGY_ACCOUNTS)
+        if names[: len(own)] != own:
             raise AnalysisError(f"{path}: not an energy table of this version")
-        return cls(*table.T)
+        return cls(*table.T[: len(own)])
+
+
+def read_table(path: Path, what: str) -> tuple[tuple[str, ...], np.ndarray]:
+    """Read a table of numbers that a deck left behind: names of columns, and rows (T, columns).
+
+    Parameters
+    ----------
+    what
+        What the file should be, for messages.
+
+    Raises
+    ------
+    AnalysisError
+        If the file is missing, has no rows, or is not a table of numbers.
+
+    Warns
+    -----
+    UserWarning
+        If the last line was cut short, as when a run was killed; it is left out.
+    """
+    try:
+        complete, _, cut = path.read_text(encoding="ascii").rpartition("\n")
+        if cut:
+            warnings.warn(f"{path}: the last line was cut short and is left out", stacklevel=3)
+        rows = list(csv.reader(complete.splitlines()))
+        table = np.array(rows[1:], dtype=float).reshape(-1, len(rows[0]))
+    except (OSError, ValueError, IndexError, UnicodeDecodeError, csv.Error) as error:
+        raise AnalysisError(f"{path}: not {what} ({error})") from error
+    if len(table) == 0:
+        raise AnalysisError(f"{path}: not {what} (it has no rows)")
+    return tuple(rows[0]), table

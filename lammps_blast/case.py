@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import difflib
 import io
+import math
 import reprlib
 import unicodedata
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -34,6 +36,8 @@ from pydantic import (
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
+from lammps_blast.interactions import softened_stiffness
+
 MAX_FILE_BYTES = 2**18
 # LAMMPS counts the steps of one `run` in a 32-bit integer.
 MAX_STEPS = 2**31 - 1
@@ -42,9 +46,6 @@ WHOLE_STEPS_TOLERANCE = 1e-6
 
 # No quantity in SI units is beyond these; past them products leave the range of doubles.
 SMALLEST_SIZE, LARGEST_SIZE = 1e-100, 1e100
-
-_NOT_YET = "not supported yet by this version of lammps-blast"
-_NOT_YET_KEYS = {("time", "implicit")}
 
 
 class CaseError(ValueError):
@@ -279,6 +280,11 @@ class Thermal(_Section):
     sensitivity: NonNegative = Field(description="a number")
     floor: Positive = Field(description="a stiffness in N/m2")
 
+    @property
+    def softening(self) -> tuple[float, float, float, float]:
+        """Temperature, reference, sensitivity and floor, as the laws want them."""
+        return self.temperature, self.reference, self.sensitivity, self.floor
+
 
 _STOCK_LAWS = ("hooke", "hertz", "jkr", "dmt")
 _MATERIAL_LAWS = ("hertz", "jkr", "dmt")
@@ -330,6 +336,11 @@ class Contact(_Section):
         """Whether LAMMPS's own `pair_style granular` computes the forces."""
         return self.law in _STOCK_LAWS
 
+    @property
+    def has_memory(self) -> bool:
+        """Whether LAMMPS's own law keeps what has been in a contact, and cannot try steps."""
+        return self.is_stock and (self.friction is not None or self.law == "jkr")
+
     @field_validator(*_LAWS_OF_KEY)
     @classmethod
     def _goes_with_the_law(cls, value: Any, info: ValidationInfo) -> Any:
@@ -341,6 +352,21 @@ class Contact(_Section):
         if law in _LAWS_OF_KEY[key] and value is None and key != "thermal":
             raise ValueError(f"must be {cls.model_fields[key].description} with `law: {law}`")
         return value
+
+    @field_validator("thermal")
+    @classmethod
+    def _softened_stiffness_is_a_number(
+        cls, thermal: Thermal | None, info: ValidationInfo
+    ) -> Thermal | None:
+        stiffness = info.data.get("stiffness")
+        if thermal is None or stiffness is None:
+            return thermal
+        with np.errstate(over="ignore"):
+            softened = softened_stiffness(stiffness, *thermal.softening)
+        if not is_of_sane_size(float(softened)):
+            text = f"makes a stiffness of {softened:.3g} N/m2, got {thermal.sensitivity!r}"
+            raise _InconsistentError((("sensitivity",), text))
+        return thermal
 
     @field_validator("friction")
     @classmethod
@@ -488,17 +514,75 @@ class NearField(_Section):
         return None
 
 
+class Implicit(_Section):
+    """The adaptive scheme of `integrator: implicit` (section 8, appendix C).
+
+    A step takes the part `phi` of the forces at its end; these are found by at most `iterations`
+    corrections, until the last one is smaller than the part `tolerance` of the step's motion. The
+    step is `first_step` (s) at first, never longer than `max_step` (s), and changes by `safety`
+    times eq. C.5. Two accelerations: `solve_fields` solves for magnetic force and drag in closed
+    form, `anderson` is the number of earlier corrections that the next one is mixed with.
+    """
+
+    phi: float = Field(ge=0, le=1, default=0.5)
+    iterations: int = Field(ge=1, le=1000, default=10)
+    tolerance: float = Field(gt=0, lt=1, default=5.0e-4)
+    max_step: Positive | None = None
+    first_step: Positive | None = Field(default=None, validate_default=True)
+    safety: float = Field(gt=0, le=1, default=1.0)
+    solve_fields: bool = False
+    anderson: int = Field(ge=0, le=5, default=0)
+
+    @field_validator("first_step")
+    @classmethod
+    def _at_most_the_largest(cls, first: float | None, info: ValidationInfo) -> float | None:
+        largest = info.data.get("max_step")
+        if first is not None and largest is not None and first > largest:
+            raise ValueError(f"must be at most max_step, {largest!r}")
+        return first
+
+    def resolved(self, step: float) -> Implicit:
+        """Return the section with its steps as numbers: where none is given, `step` (s)."""
+        longest = self.max_step or max(step, self.first_step or 0.0)
+        steps = {"max_step": longest, "first_step": self.first_step or longest}
+        return self.model_copy(update=steps)
+
+
 class Time(_Section):
-    """Simulated time `duration` (s), time step `step` (s) and the scheme that takes the steps."""
+    """Simulated time `duration` (s), time step `step` (s) and the scheme that takes the steps.
+
+    With `integrator: implicit` the length of steps is up to the section `implicit`; `duration` and
+    the intervals of output are whole numbers of `step` all the same.
+    """
 
     duration: Positive = Field(description="a length of time in s")
     step: Positive = Field(description="a length of time in s")
-    integrator: Literal["lorentz", "verlet"] = "lorentz"
+    integrator: Literal["lorentz", "verlet", "implicit"] = "lorentz"
+    implicit: Implicit | None = Field(default=None, validate_default=True)
 
     @property
     def steps(self) -> int:
-        """Number of time steps of the run."""
+        """Number of times that `step` goes into the duration."""
         return round(self.duration / self.step)
+
+    @property
+    def longest_step(self) -> float:
+        """Length in s of the longest step that may be taken."""
+        if self.integrator != "implicit":
+            return self.step
+        assert self.implicit is not None
+        assert self.implicit.max_step is not None  # resolved when `implicit` was checked
+        return self.implicit.max_step
+
+    @field_validator("implicit")
+    @classmethod
+    def _steps_of_the_scheme(
+        cls, implicit: Implicit | None, info: ValidationInfo
+    ) -> Implicit | None:
+        step = info.data.get("step")
+        if info.data.get("integrator") == "implicit" and step is not None:
+            return (implicit or Implicit()).resolved(step)
+        return implicit
 
     @field_validator("step")
     @classmethod
@@ -593,16 +677,37 @@ class Case(_Section):
         return self.contact is not None or self.near_field is not None
 
     @property
+    def timestep(self) -> float:
+        """Length in s of a time step of LAMMPS.
+
+        It is `time.step` or, with `integrator: implicit`, which takes steps of its own within, the
+        longest time of which the duration and the intervals of output are whole numbers.
+        """
+        time, output = self.time, self.output
+        assert output.interval is not None  # resolved when `output` was checked
+        assert output.restart_interval is not None
+        if time.integrator != "implicit":
+            return time.step
+        lengths = (time.duration, output.interval, min(output.restart_interval, time.duration))
+        whole = math.gcd(*(round(length / time.step) for length in lengths))
+        return time.duration / (time.steps // whole)
+
+    @property
+    def timesteps(self) -> int:
+        """Number of time steps of LAMMPS in the run."""
+        return round(self.time.duration / self.timestep)
+
+    @property
     def output_every(self) -> int:
-        """Number of steps from one frame to the next."""
-        assert self.output.interval is not None  # resolved when `output` was checked
-        return round(self.output.interval / self.time.step)
+        """Number of LAMMPS's time steps from one frame to the next."""
+        assert self.output.interval is not None
+        return round(self.output.interval / self.timestep)
 
     @property
     def restart_every(self) -> int:
-        """Number of steps from one restart file to the next."""
-        assert self.output.restart_interval is not None  # resolved when `output` was checked
-        return round(self.output.restart_interval / self.time.step)
+        """Number of LAMMPS's time steps from one restart file to the next."""
+        assert self.output.restart_interval is not None
+        return round(self.output.restart_interval / self.timestep)
 
     @field_validator("bond")
     @classmethod
@@ -629,6 +734,22 @@ class Case(_Section):
             if problem:
                 raise _InconsistentError(problem)
         return near_field
+
+    @field_validator("time")
+    @classmethod
+    def _contacts_bear_trial_steps(cls, time: Time, info: ValidationInfo) -> Time:
+        contact = info.data.get("contact")
+        if time.integrator == "implicit" and contact is not None and contact.has_memory:
+            raise _InconsistentError(
+                (
+                    ("integrator",),
+                    f"'implicit' does not work with `contact.law: {contact.law}`"
+                    f"{'' if contact.law == 'jkr' else ' and friction'}, whose contacts remember "
+                    "what has been, and would remember steps that were only tried; take "
+                    "`law: zohdi`, or `integrator: lorentz`",
+                )
+            )
+        return time
 
     @field_validator("output")
     @classmethod
@@ -833,8 +954,6 @@ def _explanation(detail: Any) -> str:
         return f"missing, must be {_SECTIONS[section].model_fields[key].description}"
     if kind == "extra_forbidden":
         return _about_unknown_key(location)
-    if location == ("time", "integrator") and detail["input"] == "implicit":
-        return f"{_NOT_YET}, got 'implicit'"
     context = detail.get("ctx", {})
     if kind == "value_error":
         allowed = str(context["error"])
@@ -861,13 +980,12 @@ _SECTIONS: dict[tuple[int | str, ...], type[_Section]] = {
     ("near_field", "attraction"): PowerLaw,
     ("near_field", "repulsion"): PowerLaw,
     ("time",): Time,
+    ("time", "implicit"): Implicit,
     ("output",): Output,
 }
 
 
 def _about_unknown_key(location: tuple[int | str, ...]) -> str:
-    if location in _NOT_YET_KEYS:
-        return _NOT_YET
     section, key = location[:-1], location[-1]
     if section == ("particles", "packed") and key in ParticlesFromFile.model_fields:
         return "goes with `particles.file` only"

@@ -1,4 +1,4 @@
-"""What is wrong with the interactions of a case, before it runs."""
+"""What there is to say of a case before it runs: errors that need its particles, and warnings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,13 @@ from lammps_blast.pairs import (
     softened_stiffness,
 )
 from lammps_blast.particles import Particles
-from lammps_blast.step_advice import expected_strain, launch_speed
+from lammps_blast.step_advice import (
+    advised_step,
+    expected_speed,
+    expected_strain,
+    step_key,
+    step_warnings,
+)
 from lammps_blast.theory import Floats
 
 
@@ -69,7 +75,26 @@ def _diverges(near_field: NearField, contact: Contact, pair: PairKinds) -> str:
     )
 
 
+def remarks(case: Case, particles: Particles) -> Iterator[str]:
+    """Yield what a user may want to know of a case that runs."""
+    if case.interacts and (advised := advised_step(case, particles)):
+        step, scale = advised
+        yield (
+            f"limiting time scale: {scale.name}, {scale.seconds:.3g} s; advised {step_key(case)} up"
+            f" to {step:g} s"
+        )
+    if left := case.timesteps % case.output_every:
+        last = (case.timesteps - left) * case.timestep
+        yield f"output.interval does not divide time.duration: the last frame is at {last:g} s"
+
+
 def case_warnings(case: Case, particles: Particles) -> Iterator[str]:
+    """Yield what of a case is allowed, but hardly meant."""
+    yield from step_warnings(case, particles)
+    yield from interaction_warnings(case, particles)
+
+
+def interaction_warnings(case: Case, particles: Particles) -> Iterator[str]:
     """Yield what of a case's interactions is allowed, but hardly meant."""
     diameter = 2.0 * float(particles.radius.max())
     near_field = case.near_field
@@ -99,13 +124,13 @@ def case_warnings(case: Case, particles: Particles) -> Iterator[str]:
 
 def _softness_warnings(case: Case, particles: Particles) -> Iterator[str]:
     pairs = pair_kinds(particles.radius, particles.mass, np.zeros(len(particles)))
-    strain = float(expected_strain(case, pairs, launch_speed(case, particles)).max())
+    strain = float(expected_strain(case, pairs, expected_speed(case, particles)).max())
     if strain >= LARGEST_STRAIN:
         assert case.contact is not None
         key = "stiffness" if case.contact.youngs_modulus is None else "youngs_modulus"
         yield (
-            f"contact.{key} is too small for the speed of the launch: two particles that meet head "
-            f"on are pressed to half the sum of their radii or more; take a larger one"
+            f"contact.{key} is too small for the speed to be expected: two particles that meet "
+            f"head on are pressed to half the sum of their radii or more; take a larger one"
         )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,13 @@ import numpy as np
 from lammps_blast.case import (
     Case,
     CaseError,
+    Implicit,
     PackedParticles,
     ParticlesFromFile,
     dump_case,
     load_case,
 )
-from lammps_blast.interaction_warnings import check_near_field
+from lammps_blast.case_warnings import case_warnings, check_near_field, remarks
 from lammps_blast.pair_commands import (
     CONTACT_STYLE,
     NEAR_FIELD_STYLE,
@@ -37,12 +39,14 @@ from lammps_blast.pair_commands import (
 from lammps_blast.particles import Particles, create_particles
 from lammps_blast.relaxation import relaxation_commands
 from lammps_blast.step_advice import advised_step
+from lammps_blast.stock_contacts import energy_reserve
 
 DECK = "in.blast"
 PARTICLE_DATA = "particles.data"
 CASE = "case.yaml"
 PARTICLE_TABLE = "particles.csv"
 ENERGY_TABLE = "energy.csv"
+STEP_TABLE = "steps.csv"
 RESTART_FOLDER = "restart"
 RESTARTS = tuple(f"{RESTART_FOLDER}/blast.{name}" for name in ("1", "2", "interrupted"))
 CONTACT_TABLE = "contacts.lammpsdump"
@@ -73,9 +77,20 @@ ENERGY_ACCOUNTS = (
     "bond_friction_loss",
     "bond_formation_loss",
 )
+# What energy.csv says besides of an integrator that adapts its steps, each a number of fix
+# nve/implicit's vector, whose first two are works.
+STEP_COLUMNS = (
+    "adapted_step",
+    "corrections",
+    "iteration_error",
+    "steps_taken",
+    "step_restarts",
+    "force_evaluations",
+)
+FIRST_STEP_NUMBER = 3
 NO_GHOSTS = "atom_modify sort 0 0.0\ncomm_modify cutoff 1.0e-9"
-# Steps between two looks for numbers gone wild, and the part of the largest kinetic energy that may
-# come from nothing before a run is stopped.
+# LAMMPS's time steps between two looks for numbers gone wild, and the part of the largest kinetic
+# energy that may come from nothing before a run is stopped.
 WATCH_EVERY = 10
 ENERGY_FROM_NOTHING = 0.1
 # Of the energies in the ledger, what their sums are not trusted to.
@@ -176,19 +191,40 @@ def _header(case: Case) -> str:
 # Case {case.name}, in SI units. To run it, with lammps-blast's plugin known to LAMMPS:
 #   lmp -in {DECK}        mpiexec -n 4 lmp -in {DECK}
 # A line "variable NAME index VALUE" is a default: `lmp -in {DECK} -var NAME OTHER` overrides it.
-# Duration and intervals are to be whole numbers of steps.
+# Duration and intervals are to be whole numbers of steps.{_about_steps(case)}
 """
+
+
+def _about_steps(case: Case) -> str:
+    if not _adapts(case):
+        return ""
+    return """
+# A step of LAMMPS is the time from one output to the next. Within it fix nve/implicit takes as many
+# steps of its own as it needs, of first_step at first and none longer than max_step."""
+
+
+def _adapts(case: Case) -> bool:
+    """Tell whether the integrator takes steps of its own within those of LAMMPS."""
+    return case.time.integrator == "implicit"
+
+
+def _scheme(case: Case) -> Implicit:
+    assert case.time.implicit is not None  # resolved when `time` was checked
+    return case.time.implicit
 
 
 def _settings(case: Case) -> str:
     settings = {
         "duration": case.time.duration,
-        "step": case.time.step,
+        "step": case.timestep,
         "output_interval": case.output.interval,
         "restart_interval": case.output.restart_interval,
     }
     if case.blast:
         settings = {"energy": case.blast.energy} | settings
+    if _adapts(case):
+        settings |= {"first_step": _scheme(case).first_step, "max_step": case.time.longest_step}
+        settings |= {"tolerance": _scheme(case).tolerance}
     lines = [f"variable {name} index {number(value)}" for name, value in settings.items()]
     lines += [
         "variable steps equal round(v_duration/v_step)",
@@ -285,11 +321,22 @@ def _forces_and_integration(case: Case) -> str:
         lines.append(f"fix losses all blast/losses{' work yes' if case.contact.is_stock else ''}")
     if case.time.integrator == "verlet":
         lines += [f"fix external all lorentz/drag {fields}", "fix integrate all nve/sphere"]
+    elif case.time.integrator == "implicit":
+        lines.append(f"fix integrate all nve/implicit {_scheme_words(_scheme(case))} &\n  {fields}")
     else:
         lines.append(f"fix integrate all nve/sphere/lorentz {fields}")
     if any(case.fields.electric):
         lines.append(f"fix electric all efield {numbers(*case.fields.electric)}")
     return "\n".join(lines) + "\n"
+
+
+def _scheme_words(scheme: Implicit) -> str:
+    fields = "solved" if scheme.solve_fields else "iterated"
+    return (
+        f"phi {number(scheme.phi)} iterations {scheme.iterations} tolerance ${{tolerance}}"
+        f" first_step ${{first_step}} max_step ${{max_step}} safety {number(scheme.safety)}"
+        f" fields {fields} anderson {scheme.anderson} file {STEP_TABLE}"
+    )
 
 
 def _external_fields(case: Case) -> str:
@@ -322,8 +369,9 @@ def _ledger(case: Case) -> str:
         for name, source in (("electric", "f_electric"), ("near_field", "c_near_field"))
         if _has(case, name)
     ]
-    variables = [f"variable {name} equal {text}" for name, text in _accounts(case).items()]
-    accounts = " ".join(f"v_{account}" for account in ENERGY_ACCOUNTS)
+    columns = _accounts(case) | _step_columns(case)
+    variables = [f"variable {name} equal {text}" for name, text in columns.items()]
+    named = " ".join(f"v_{name}" for name in columns)
     lines = [
         "# The energy ledger, in joules.",
         *computes,
@@ -332,9 +380,9 @@ def _ledger(case: Case) -> str:
         "run 0 post no",
         *starts,
         *variables,
-        f'fix ledger all print ${{output_every}} "{_ledger_row()}" &',
-        f'  file {ENERGY_TABLE} screen no title "time,{",".join(ENERGY_ACCOUNTS)}"',
-        f"thermo_style custom step time {accounts}",
+        f'fix ledger all print ${{output_every}} "{_ledger_row(columns)}" &',
+        f'  file {ENERGY_TABLE} screen no title "time,{",".join(columns)}"',
+        f"thermo_style custom step time {named}",
         "thermo_modify format float %.10g",
         "thermo ${output_every}",
     ]
@@ -374,24 +422,34 @@ def _accounts(case: Case) -> dict[str, str]:
     return accounts
 
 
+def _step_columns(case: Case) -> dict[str, str]:
+    """Return what is known of adaptive steps, in LAMMPS's terms."""
+    if not _adapts(case):
+        return {}
+    numbers = range(FIRST_STEP_NUMBER, FIRST_STEP_NUMBER + len(STEP_COLUMNS))
+    return {name: f"f_integrate[{n}]" for name, n in zip(STEP_COLUMNS, numbers, strict=True)}
+
+
 def _watch(case: Case, particles: Particles) -> str:
     """Return the commands that stop a run of interacting particles when it becomes unstable."""
     if not case.interacts:
         return ""
     advised = advised_step(case, particles)
     advice = f" advice {number(advised[0])}" if advised else ""
+    every = 1 if _adapts(case) else WATCH_EVERY
     return f"""\
-{_energy_from_nothing(case)}
-fix watch all blast/watch {WATCH_EVERY}{advice}
+{_energy_from_nothing(case, particles)}
+fix watch all blast/watch {every}{advice}
 fix watch_energy all blast/watch ${{output_every}} energy v_created {ENERGY_FROM_NOTHING}{advice}
 """
 
 
-def _energy_from_nothing(case: Case) -> str:
+def _energy_from_nothing(case: Case, particles: Particles) -> str:
     """Return the variable `created`, in joules, positive only when a run goes wrong."""
     if case.contact and case.contact.is_stock:
-        # Their loss is what their forces took, whatever that was; they may not give.
-        return "variable created equal -v_contact_loss"
+        # Their loss is what their forces took, whatever that was; they may give what they hold.
+        reserve = energy_reserve(case.contact, particles.position, particles.radius)
+        return f"variable created equal -v_contact_loss-{number(reserve)}"
     held = "v_kinetic+v_rotational+v_contact_energy+v_bond_energy+v_near_field_energy"
     lost = "v_drag_loss+v_contact_loss+v_friction_loss+v_bond_friction_loss+v_bond_formation_loss"
     size = "abs(v_contact_energy)+abs(v_bond_energy)+abs(v_near_field_energy)+v_contact_loss"
@@ -402,9 +460,8 @@ variable rounding equal {ROUNDING_OF_LEDGER}*({size})
 variable created equal v_balance-v_balance_start-v_rounding"""
 
 
-def _ledger_row() -> str:
-    columns = ("time", *(f"v_{account}" for account in ENERGY_ACCOUNTS))
-    return ",".join(f"$({column}:%.17g)" for column in columns)
+def _ledger_row(columns: Iterable[str]) -> str:
+    return ",".join(f"$({name}:%.17g)" for name in ("time", *(f"v_{name}" for name in columns)))
 
 
 def _output(case: Case) -> str:
@@ -455,7 +512,7 @@ def _force_columns(case: Case) -> tuple[str, str, str]:
     The integrator `lorentz` applies the magnetic force and drag as exact motions, so LAMMPS's own
     force array lacks them and a compute adds them.
     """
-    if case.time.integrator == "verlet":
+    if case.time.integrator != "lorentz":
         return " fx fy fz tqx tqy tqz", "", ""
     preparation = f"compute external all lorentz/drag/atom {_external_fields(case)}\n"
     columns = renaming = ""
@@ -496,7 +553,11 @@ def main(argv: list[str] | None = None) -> int:
     except OSError as error:
         print(f"cannot write the deck: {error}", file=sys.stderr)
         return 3
-    print(f"{folder / DECK}: {len(particles)} particles, {case.time.steps} steps")
+    for remark in remarks(case, particles):
+        print(remark, file=sys.stderr)
+    for warning in case_warnings(case, particles):
+        print(f"WARNING: {warning}", file=sys.stderr)
+    print(f"{folder / DECK}: {len(particles)} particles, {case.timesteps} steps")
     return 0
 
 

@@ -329,7 +329,7 @@ def _gyration_rows(launch: _Launch) -> Iterator[DerivedNumber]:
     omega = _gyration(launch)
     radius = omega if isinstance(omega, str) else _cyclotron_radius(launch.speed, omega)
     period = omega if isinstance(omega, str) else theory.cyclotron_period(omega[omega != 0])
-    steps = period if isinstance(period, str) else period / launch.case.time.step
+    steps = period if isinstance(period, str) else period / launch.case.time.longest_step
     yield _row("cyclotron_frequency", "omega", omega, "rad/s", "eq. 2.5", _signs(omega))
     note = "of the launch speed, if it is all across B"
     yield _row("cyclotron_radius", "R_c", radius, "m", "eq. 2.6", note)

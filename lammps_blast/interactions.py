@@ -612,6 +612,74 @@ def hertz_force(overlap: ArrayLike, effective_radius: ArrayLike, modulus: ArrayL
     return 4.0 / 3.0 * np.asarray(modulus) * np.sqrt(effective_radius) * depth**1.5
 
 
+def hooke_energy(overlap: ArrayLike, stiffness: ArrayLike) -> Any:
+    """Energy k overlap^2/2 in J that a linear spring holds.
+
+    Parameters
+    ----------
+    overlap
+        s - d in m; none for a negative one.
+    stiffness
+        k in N/m.
+    """
+    return 0.5 * np.asarray(stiffness) * np.maximum(overlap, 0.0) ** 2
+
+
+def hertz_energy(overlap: ArrayLike, effective_radius: ArrayLike, modulus: ArrayLike) -> Any:
+    """Energy 2/5 overlap F in J that a contact holds under `hertz_force` F; arguments as there."""
+    return 0.4 * np.maximum(overlap, 0.0) * hertz_force(overlap, effective_radius, modulus)
+
+
+def dmt_binding_energy(
+    effective_radius: ArrayLike, modulus: ArrayLike, surface_energy: ArrayLike
+) -> Any:
+    """Energy in J that DMT adhesion sets free from touch to where it balances Hertz's force.
+
+    The pull is F = 4 pi gamma R* at every overlap, so it is 3/5 F times the overlap of balance.
+
+    Parameters
+    ----------
+    effective_radius
+        R* in m.
+    modulus
+        E* in Pa, of `effective_modulus`.
+    surface_energy
+        gamma in J/m2.
+    """
+    pull = 4.0 * np.pi * np.asarray(surface_energy) * np.asarray(effective_radius)
+    overlap = (pull / hertz_force(1.0, effective_radius, modulus)) ** (2.0 / 3.0)
+    return 0.6 * pull * overlap
+
+
+def jkr_binding_energy(
+    effective_radius: ArrayLike, modulus: ArrayLike, surface_energy: ArrayLike
+) -> Any:
+    """Energy in J that JKR adhesion sets free from touch to where the force vanishes.
+
+    With c = sqrt(pi gamma/E*) force and overlap are 4 E*/(3 R*) a^3 - 4 E* c a^(3/2) and
+    a^2/R* - 2 c sqrt(a); the contact radius a grows from (2 c R*)^(2/3) to (3 c R*)^(2/3).
+
+    Parameters
+    ----------
+    effective_radius
+        R* in m.
+    modulus
+        E* in Pa, of `effective_modulus`.
+    surface_energy
+        gamma in J/m2.
+    """
+    radius, stiffness = np.asarray(effective_radius), np.asarray(modulus)
+    c = np.sqrt(np.pi * np.asarray(surface_energy) / stiffness)
+
+    def work(a: Any) -> Any:
+        """Integral of the force over the overlap, up to a constant."""
+        high = 8.0 / (15.0 * radius**2) * a**5 - 8.0 * c / (3.0 * radius) * a**3.5
+        return stiffness * (high + 2.0 * c**2 * a**2)
+
+    touch, balance = ((n * c * radius) ** (2.0 / 3.0) for n in (2.0, 3.0))
+    return work(touch) - work(balance)
+
+
 def stiffness_like_hertz(radius_i: ArrayLike, radius_j: ArrayLike, modulus: ArrayLike) -> Any:
     """K_p with which eq. 7.5 with exponent 1/2 is Hertz's force for small overlaps, in N/m2.
 

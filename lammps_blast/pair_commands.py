@@ -70,8 +70,7 @@ def _contact(case: Case) -> PairStyle:
     if friction := contact.friction:
         words += f" friction {numbers(friction.stiffness, friction.static, friction.dynamic)}"
     if thermal := contact.thermal:
-        softening = thermal.temperature, thermal.reference, thermal.sensitivity, thermal.floor
-        words += f" thermal {numbers(*softening)}"
+        words += f" thermal {numbers(*thermal.softening)}"
     if case.bond:
         words += f" {_bond_words(case.bond)}"
     rotation = "yes" if contact.rotation else "no"

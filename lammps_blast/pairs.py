@@ -226,15 +226,7 @@ def softened_stiffness(contact: Contact) -> float:
     thermal = contact.thermal
     if thermal is None:
         return contact.stiffness
-    return float(
-        interactions.softened_stiffness(
-            contact.stiffness,
-            thermal.temperature,
-            thermal.reference,
-            thermal.sensitivity,
-            thermal.floor,
-        )
-    )
+    return float(interactions.softened_stiffness(contact.stiffness, *thermal.softening))
 
 
 def effective_modulus(contact: Contact) -> float:

@@ -8,6 +8,9 @@ ends is none for the spheres themselves.
 from __future__ import annotations
 
 import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
 
 from lammps_blast import theory
 from lammps_blast.case import PackedParticles
@@ -26,6 +29,28 @@ DAMPING_RATIO = 0.1
 BEGINNING = -1.0e9
 CHECK_EVERY = 50
 MOST_STEPS = 200_000
+
+
+@dataclass(frozen=True)
+class RelaxationReport:
+    """What a deck says of its relaxation: how long it took, and what was left in the end."""
+
+    steps: int
+    kinetic_energy: float  # J
+    largest_strain: float  # of spheres that are wider by ALLOWANCE
+
+    @classmethod
+    def read(cls, log: Path) -> RelaxationReport | None:
+        """Find the report in LAMMPS's log; None if there is none."""
+        try:
+            text = log.read_text(encoding="utf-8", errors="replace")
+        except OSError:
+            return None
+        pattern = (
+            r"^Relaxed packing: steps (\d+), kinetic energy (\S+) J, largest strain\s+(\S+) of"
+        )
+        found = re.search(pattern, text, re.M)
+        return cls(int(found[1]), float(found[2]), float(found[3])) if found else None
 
 
 def relaxation_commands(packed: PackedParticles, step: float) -> str:

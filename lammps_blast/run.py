@@ -13,6 +13,7 @@ from pathlib import Path
 from rich.console import Console
 
 from lammps_blast.case import Case, CaseError, ParticlesFromFile, load_case
+from lammps_blast.case_warnings import case_warnings, check_near_field, remarks
 from lammps_blast.deck import (
     CASE,
     CONTACT_TABLE,
@@ -21,14 +22,13 @@ from lammps_blast.deck import (
     PARTICLE_DATA,
     PARTICLE_TABLE,
     RESTARTS,
+    STEP_TABLE,
     TRAJECTORIES,
     write_deck,
     write_resolved_case,
 )
 from lammps_blast.engine import LOG, EngineError, InterruptedRunError, lammps_warnings, run_deck
-from lammps_blast.interaction_warnings import case_warnings, check_near_field
 from lammps_blast.particles import Particles, create_particles
-from lammps_blast.step_advice import advised_step, step_warnings
 
 DONE, INVALID, FAILED, INTERRUPTED = 0, 2, 3, 130
 
@@ -96,25 +96,22 @@ def run_case(
         write_deck(case, particles, folder)
     except OSError as error:
         raise FolderError(f"cannot write the run folder {folder}: {error}") from error
-    console.print(f"{case.name}: {len(particles)} particles, {case.time.steps} steps in {folder}")
-    if case.interacts and (advised := advised_step(case, particles)):
-        step, scale = advised
-        console.print(
-            f"limiting time scale: {scale.name}, {scale.seconds:.3g} s; advised time.step up to"
-            f" {step:g} s",
-            highlight=False,
-        )
-    for warning in (*step_warnings(case, particles), *case_warnings(case, particles)):
-        console.print(f"WARNING: {warning}", highlight=False, markup=False)
-    if left := case.time.steps % case.output_every:
-        last = (case.time.steps - left) * case.time.step
-        console.print(
-            f"output.interval does not divide time.duration: the last frame is at {last:g} s"
-        )
-    run_deck(folder, case.time.steps, case.time.step, console)
+    console.print(f"{case.name}: {len(particles)} particles, {_about_steps(case)} in {folder}")
+    for remark in remarks(case, particles):
+        console.print(remark, highlight=False, markup=False)
+    warnings = Console(stderr=True)
+    for warning in case_warnings(case, particles):
+        warnings.print(f"WARNING: {warning}", highlight=False, markup=False)
+    run_deck(folder, case.timesteps, case.timestep, console)
     for warning in lammps_warnings(folder):
-        console.print(warning, highlight=False, markup=False)
+        warnings.print(warning, highlight=False, markup=False)
     return analyze_run(folder, figures=not options.no_figures)
+
+
+def _about_steps(case: Case) -> str:
+    if case.time.integrator == "implicit":
+        return f"steps of up to {case.time.longest_step:g} s"
+    return f"{case.timesteps} steps"
 
 
 def input_folders(case: Case) -> set[Path]:
@@ -156,7 +153,8 @@ def _products() -> Iterator[str]:
     )
 
     yield from (SUMMARY, CASE, DECK, PARTICLE_DATA, PARTICLE_TABLE, ENERGY_TABLE, LOG)
-    yield from (ENVELOPE_TABLE, SPEED_TABLE, CLUMP_TABLE, CONTACT_TABLE, *TRAJECTORIES.values())
+    yield from (ENVELOPE_TABLE, SPEED_TABLE, CLUMP_TABLE, CONTACT_TABLE, STEP_TABLE)
+    yield from TRAJECTORIES.values()
     yield from RESTARTS
     yield from (f"{FIGURE_FOLDER}/{name}.png" for name in FIGURES)
 

@@ -1,8 +1,8 @@
 """Advice on the time step of a case: what has to be resolved in time, and how long it takes.
 
 Each process that a step must resolve is a :class:`TimeScale`. Interactions are judged at the
-deepest overlap to be expected: two particles that meet head on at twice the speed of the launch,
-and at least `ADMISSIBLE_STRAIN`.
+deepest overlap to be expected: two particles that meet head on at the speed of the launch or of a
+collapse under the near field of all pairs, and at least `ADMISSIBLE_STRAIN`.
 """
 
 from __future__ import annotations
@@ -43,11 +43,16 @@ STEPS_PER_STICK = 3
 STEPS_PER_CROSSING = 10
 # The paper has 628 steps a gyration; with fewer than this, velocity-Verlet is off in the picture.
 STEPS_PER_GYRATION = 20
+# With a radian a step what other forces do between exact turns is off by a twelfth; with half a
+# turn it vanishes, with a whole one it resonates.
+STEPS_PER_EXACT_GYRATION = 6
 # Drag and drift are split in a step; at this part of the time of slowing paths are off by 1e-3.
 STEPS_PER_SLOWING = 10
 
 # The particles of whose neighbours the near field is summed for an estimate.
 SAMPLED_PARTICLES = 16
+# Of the volume of a dense cloud, random close packing.
+DENSE_FRACTION = 0.64
 # Of the mass of a solid sphere that is pushed at its edge (I = 2/5 m R^2).
 TURNING_PART = 2.0 / 7.0
 # Digits of a step that reads well, and how much shorter than it may be it is made for that.
@@ -105,8 +110,8 @@ def time_scales(case: Case, particles: Particles) -> list[TimeScale]:
 def advised_step(case: Case, particles: Particles) -> tuple[float, TimeScale] | None:
     """Return a step in s that resolves all time scales, and the scale that limits it.
 
-    The step divides the duration, and where it can the intervals of output, into whole steps, and
-    is round where it can be. None where nothing limits the step.
+    The step is round where it can be. One of constant length divides the duration, and where it can
+    the intervals of output, into whole steps. None where nothing limits the step.
     """
     scales = time_scales(case, particles)
     if not scales:
@@ -115,9 +120,14 @@ def advised_step(case: Case, particles: Particles) -> tuple[float, TimeScale] | 
     return _fitting_step(case, limiting.longest_step), limiting
 
 
+def step_key(case: Case) -> str:
+    """Return the key of a case that says how long a step may be."""
+    return "time.implicit.max_step" if case.time.integrator == "implicit" else "time.step"
+
+
 def step_warnings(case: Case, particles: Particles) -> Iterator[str]:
     """Yield what is wrong with the step of a case, before it runs."""
-    step = case.time.step
+    step, key = case.time.longest_step, step_key(case)
     scales = sorted(time_scales(case, particles), key=lambda scale: scale.longest_step)
     unresolved = [s for s in scales if step > s.longest_step * (1.0 + WHOLE_STEPS_TOLERANCE)]
     if not unresolved:
@@ -125,8 +135,8 @@ def step_warnings(case: Case, particles: Particles) -> Iterator[str]:
     worst, *others = unresolved
     also = f"; also too long for: {', '.join(scale.name for scale in others)}" if others else ""
     yield (
-        f"time.step is {step / worst.seconds:.2g} times the {worst.seconds:.2g} s {worst.reason}; "
-        f"take {_part(worst.steps)} of that time or less, such as time.step: "
+        f"{key} is {step / worst.seconds:.2g} times the {worst.seconds:.2g} s {worst.reason}; "
+        f"take {_part(worst.steps)} of that time or less, such as {key}: "
         f"{_fitting_step(case, worst.longest_step):.9g}{also}"
     )
 
@@ -136,16 +146,21 @@ def _part(steps: float) -> str:
 
 
 def _fitting_step(case: Case, longest: float) -> float:
-    """Return the longest round step up to a limit that divides what it should divide."""
+    """Return the longest round step up to a limit that divides what it should divide.
+
+    Steps that adapt are cut where they have to be.
+    """
     duration = case.time.duration
     intervals = [time for time in (case.output.interval, case.output.restart_interval) if time]
     longest = min(longest, duration, *intervals)
     decade = 10.0 ** math.floor(math.log10(longest))
     steps = (digit * decade / down for down in (1.0, 10.0) for digit in ROUND_STEPS)
     shortest = SHORTEST_ROUND_STEP * longest
-    candidates = [longest, *(step for step in steps if shortest <= step <= longest)]
+    rounded = [step for step in steps if shortest <= step <= longest]
+    if case.time.integrator == "implicit":
+        return float(f"{rounded[0]:.12g}")
     for lengths in ((duration, *intervals), (duration,)):
-        for step in candidates:
+        for step in (longest, *rounded):
             if all(_divides(step, length) for length in lengths):
                 return float(f"{step:.12g}")
     return duration / math.ceil(duration / longest)
@@ -165,6 +180,48 @@ def launch_speed(case: Case, particles: Particles) -> float:
     return _pulse_speed(case, particles) + float(np.linalg.norm(own, axis=1).max())
 
 
+def expected_speed(case: Case, particles: Particles) -> float:
+    """Return the speed in m/s at which particles are expected to meet others.
+
+    That of the launch, or what the near field of all pairs gives to a cloud that it draws together.
+    """
+    return max(launch_speed(case, particles), _collapse_speed(case, particles))
+
+
+def _collapse_speed(case: Case, particles: Particles) -> float:
+    """Return sqrt(2 dU/M) in m/s, where dU is set free as the cloud shrinks to a dense one."""
+    field = case.near_field
+    if field is None or field.cutoff != "all":
+        return 0.0
+    law = near_field_law(field)
+    sources = near_field_sources(
+        case, particles.radius, particles.mass, particles.charge, particles.sign
+    )
+    centre = particles.position.mean(axis=0)
+    width = float(np.linalg.norm(particles.position - centre, axis=1).max())
+    dense = float(np.sum(particles.radius**3) / DENSE_FRACTION) ** (1 / 3)
+    shrinking = min(1.0, dense / width) if width > 0.0 else 1.0
+    places = _sample(len(particles))
+    released = 0.0
+    for index in places:
+        distance = np.linalg.norm(particles.position - particles.position[index], axis=1)
+        others = distance > 0.0
+        touch = particles.radius[others] + particles.radius[index]
+        before = np.maximum(distance[others], touch)
+        product = sources[index] * sources[others]
+        after = np.maximum(shrinking * before, touch)
+        energies = (interactions.near_field_energy(d, product, law).sum() for d in (before, after))
+        released += float(next(energies) - next(energies))
+    # Each pair is seen from both of its particles.
+    per_particle = 0.5 * released / len(places)
+    return math.sqrt(2.0 * max(per_particle, 0.0) / float(particles.mass.mean()))
+
+
+def _sample(count: int) -> Any:
+    """Return the indices of a few particles out of many, evenly spaced."""
+    return np.unique(np.linspace(0, count - 1, SAMPLED_PARTICLES).round().astype(int))
+
+
 def _pulse_speed(case: Case, particles: Particles) -> float:
     if case.blast is None:
         return 0.0
@@ -176,7 +233,7 @@ def _interaction_scales(case: Case, particles: Particles) -> Iterator[TimeScale]
         case, particles.radius, particles.mass, particles.charge, particles.sign
     )
     pairs = pair_kinds(particles.radius, particles.mass, sources)
-    speed = launch_speed(case, particles)
+    speed = expected_speed(case, particles)
     yield from contact_scales(case, pairs, speed)
     yield from _near_field_scales(case, particles, sources, pairs)
     if case.contact:
@@ -201,7 +258,7 @@ def contact_scales(case: Case, pairs: PairKinds, speed: float) -> Iterator[TimeS
     pairs
         The kinds of pairs among which the shortest times are looked for.
     speed
-        Of the launch, m/s.
+        At which particles are expected to meet others, m/s.
     """
     contact = case.contact
     if contact is None:
@@ -312,8 +369,7 @@ def _near_field_swing(
 ) -> float:
     """Return pi sqrt(m / sum of |dF/dd| over all others) in s, the shortest of some particles."""
     shortest = np.inf
-    places = np.linspace(0, len(particles) - 1, SAMPLED_PARTICLES).round().astype(int)
-    for index in np.unique(places):
+    for index in _sample(len(particles)):
         distance = np.linalg.norm(particles.position - particles.position[index], axis=1)
         near = (distance < law.cutoff) & (distance > 0.0)
         product = sources[index] * sources[near]
@@ -335,16 +391,20 @@ def _crossing_scales(particles: Particles, speed: float) -> Iterator[TimeScale]:
 
 
 def _gyration_scales(case: Case, particles: Particles) -> Iterator[TimeScale]:
-    """The integrator `lorentz` turns velocities exactly, whatever the step."""
-    if case.time.integrator != "verlet":
+    """The integrator `lorentz` turns velocities exactly, but other forces act between its turns."""
+    integrator, steps = case.time.integrator, STEPS_PER_GYRATION
+    if integrator == "verlet":
+        reason = "which verlet has to resolve: circles come out wrong and grow"
+    elif integrator == "implicit":
+        reason = "which implicit has to resolve: circles come out late"
+    elif case.interacts or np.cross(case.fields.electric, case.fields.magnetic).any():
+        reason = "between other forces: drifts come out wrong, or grow with one step a turn"
+        steps = STEPS_PER_EXACT_GYRATION
+    else:
         return
     omega = theory.cyclotron_frequency(particles.charge_per_mass, case.fields.magnetic)
-    yield TimeScale(
-        "gyration",
-        float(np.min(theory.cyclotron_period(omega))),
-        "of a gyration, which verlet has to resolve: circles come out wrong and grow",
-        STEPS_PER_GYRATION,
-    )
+    period = float(np.min(theory.cyclotron_period(omega)))
+    yield TimeScale("gyration", period, f"of a gyration, {reason}", steps)
 
 
 def _drag_scales(case: Case, particles: Particles) -> Iterator[TimeScale]:

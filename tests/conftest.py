@@ -54,6 +54,7 @@ class Simulation:
 
     def __init__(self, folder, particles):
         write_particle_data(particles, folder / "particles.data")
+        self.folder = folder
         self.count = len(particles)
         self.lammps = start_lammps(log="none")
         self.lammps.command(f"shell cd {folder}")

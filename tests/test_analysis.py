@@ -16,6 +16,7 @@ from lammps_blast.analysis import (
 )
 from lammps_blast.analyze import analyze
 from lammps_blast.deck import ENERGY_ACCOUNTS
+from lammps_blast.step_history import StepHistory
 from lammps_blast.trajectory import open_universe
 
 AXIS = np.array([1.0, 2.0, -2.0]) / 3.0
@@ -274,6 +275,31 @@ def test_energy_table_of_another_version_is_refused_as_such(tmp_path):
     (tmp_path / "energy.csv").write_text(OLDER_HEAD + "0,9,0,0,0,0\n")
     with pytest.raises(AnalysisError, match=r"energy\.csv: not an energy table of this version"):
         EnergyLedger.read(tmp_path / "energy.csv")
+
+
+STEPS = "time,step,corrections,error,restarts,evaluations\n"
+
+
+def test_step_history_is_read_and_adds_up(tmp_path):
+    (tmp_path / "steps.csv").write_text(f"{STEPS}0.1,0.1,1,1e-4,0,3\n0.3,0.2,4,2e-5,2,20\n")
+    history = StepHistory.read(tmp_path / "steps.csv")
+    assert history.duration == pytest.approx(0.3)
+    assert history.evaluations_per_second == pytest.approx(20 / 0.3)
+    assert history.corrections.tolist() == [1, 4]
+
+
+@pytest.mark.parametrize("text", ["", STEPS, "time,step\n0,1\n", STEPS + "0,1,x,0,0,0\n"])
+def test_damaged_step_histories_are_refused(tmp_path, text):
+    (tmp_path / "steps.csv").write_text(text)
+    with pytest.raises(AnalysisError, match=r"steps\.csv: not a table of steps"):
+        StepHistory.read(tmp_path / "steps.csv")
+
+
+def test_columns_behind_the_ledger_are_left_to_others(tmp_path):
+    head = HEAD.strip() + ",adapted_step,corrections\n"
+    zeros = ",0" * (len(ENERGY_ACCOUNTS) - 1)
+    (tmp_path / "energy.csv").write_text(f"{head}0,9{zeros},1e-5,3\n")
+    assert EnergyLedger.read(tmp_path / "energy.csv").kinetic.tolist() == [9.0]
 
 
 def test_analysis_of_nothing_is_refused(tmp_path):

@@ -56,7 +56,11 @@ near_field:
   repulsion: {strength: 0.01, exponent: 2}
   cutoff: 0.15
   switch_width: 0.02
-time: {duration: 1.0, step: 1.0e-4, integrator: verlet}
+time:
+  duration: 1.0
+  step: 1.0e-4
+  integrator: verlet
+  implicit: {phi: 0.5, iterations: 10, tolerance: 5.0e-4, first_step: 1.0e-5, max_step: 2.5e-4}
 output: {interval: 0.02, forces: true, contacts: true, format: binary, restart_interval: 0.25}
 """
 
@@ -204,6 +208,37 @@ def test_steps_fill_the_duration(duration: float, step: float, steps: int) -> No
     assert case.time.steps == steps
 
 
+def test_implicit_steps_default_to_the_step_and_lammps_steps_to_the_output() -> None:
+    time = {"duration": 1, "step": 1e-4, "integrator": "implicit"}
+    case = parse_case({**MINIMAL, "time": time}, FOLDER)
+    assert case.time.implicit is not None
+    assert (case.time.implicit.first_step, case.time.implicit.max_step) == (1e-4, 1e-4)
+    assert (case.timestep, case.timesteps) == (0.01, 100)
+    assert (case.output_every, case.restart_every) == (1, 10)
+
+    time["implicit"] = {"first_step": 1e-3}
+    output = {"interval": 0.03, "restart_interval": 0.1}
+    case = parse_case({**MINIMAL, "time": time, "output": output}, FOLDER)
+    assert case.time.longest_step == 1e-3
+    assert (case.timestep, case.timesteps) == (0.01, 100)
+    assert (case.output_every, case.restart_every) == (3, 10)
+
+
+@pytest.mark.parametrize("law", ["zohdi", "hooke", "hertz", "dmt", "jkr"])
+@pytest.mark.parametrize("friction", [None, FRICTION])
+def test_implicit_steps_need_contacts_without_memory(law: str, friction: Any) -> None:
+    contact = {**CONTACTS[law], "friction": friction, "rotation": True}
+    if friction and law in ("zohdi", "hooke"):
+        contact["friction"] = {**friction, "stiffness": 1e6}
+    time = {"duration": 1, "step": 1e-4, "integrator": "implicit"}
+    case = {**MINIMAL, "contact": contact, "time": time}
+    if law == "zohdi" or not (friction or law == "jkr"):
+        assert parse_case(case, FOLDER).contact
+    else:
+        (problem,) = problems_of(case)
+        assert problem.startswith("time.integrator: 'implicit' does not work with `contact.law: ")
+
+
 def test_a_step_that_does_not_fit_is_told_the_nearest_that_does() -> None:
     (problem,) = problems_of(changed(MINIMAL, "time.step", 3e-4))
     suggestion = float(problem.split("the nearest step that does is ")[1].split(",")[0])
@@ -281,9 +316,24 @@ def test_each_drag_law_with_what_it_needs(medium: dict[str, Any]) -> None:
         ("time.step", 2, "at most the duration"),
         ("time.step", 0.3, "nearest step that does is 0.333333333"),
         ("time.step", 1e-90, "at most 2147483647 steps"),
-        ("time.integrator", "euler", "'lorentz' or 'verlet'"),
-        ("time.integrator", "implicit", "not supported yet by this version of lammps-blast"),
-        ("time.implicit", {"phi": 0.5}, "not supported yet by this version of lammps-blast"),
+        ("time.integrator", "euler", "'lorentz', 'verlet' or 'implicit'"),
+        ("time.implicit", 0.5, "section"),
+        ("time.implicit.phi", -0.1, "at least 0"),
+        ("time.implicit.phi", 1.1, "at most 1"),
+        ("time.implicit.iterations", 0, "at least 1"),
+        ("time.implicit.iterations", 2.5, "whole number"),
+        ("time.implicit.iterations", 10**9, "at most 1000"),
+        ("time.implicit.tolerance", 0, "greater than 0"),
+        ("time.implicit.tolerance", 1, "less than 1"),
+        ("time.implicit.max_step", 0, "greater than 0"),
+        ("time.implicit.first_step", -1e-5, "greater than 0"),
+        ("time.implicit", {"max_step": 1e-4, "first_step": 2e-4}, "first_step: must be at most"),
+        ("time.implicit.safety", 0, "greater than 0"),
+        ("time.implicit.safety", 1.5, "at most 1"),
+        ("time.implicit.anderson", 6, "at most 5"),
+        ("time.implicit.anderson", -1, "at least 0"),
+        ("time.implicit.solve_fields", "yes", "true or false"),
+        ("time.implicit.first_stp", 1e-5, "did you mean `first_step`?"),
         ("output.format", "hdf5", "'text' or 'binary'"),
         ("output.forces", 1, "true or false"),
         ("output.interval", 2.0, "at most the duration"),
@@ -294,6 +344,11 @@ def test_each_drag_law_with_what_it_needs(medium: dict[str, Any]) -> None:
         ("contact", "zohdi", "section"),
         ("bond", BOND, "needs `contact` with `law: zohdi`"),
         ("near_field", {}, "near_field.cutoff: missing"),
+        (
+            "contact",
+            {**CONTACTS["zohdi"], "thermal": {**THERMAL, "sensitivity": 2000}},
+            "thermal.sensitivity: makes a stiffness of inf N/m2, got 2000",
+        ),
         ("folder", "/tmp", "unknown key"),
         ("partcles", {}, "did you mean `particles`?"),
     ],
@@ -539,7 +594,7 @@ def test_all_problems_are_told_at_once() -> None:
         bond: {memory: 3}
         near_field: {scaling: mass, cutoff: nowhere}
         tme: {}
-        time: {duration: 1, step: 0.4, integrator: implicit}
+        time: {duration: 1, step: 0.4, integrator: euler, implicit: {phi: 2}}
         output: {format: x, interval: -1}
         """
     )
@@ -569,6 +624,7 @@ def test_all_problems_are_told_at_once() -> None:
         "tme",
         "time.step",
         "time.integrator",
+        "time.implicit.phi",
         "output.format",
         "output.interval",
     }

@@ -9,9 +9,10 @@ from conftest import lmp
 from scipy.optimize import brentq
 
 from lammps_blast.analysis import EnergyLedger
-from lammps_blast.case import CaseError, parse_case
+from lammps_blast.case import CaseError, dump_case, load_case, parse_case
 from lammps_blast.deck import DECK, ENERGY_ACCOUNTS, ENERGY_TABLE, deck_text, write_deck
 from lammps_blast.particles import create_particles
+from lammps_blast.stock_contacts import energy_reserve
 from lammps_blast.trajectory import open_universe
 
 STEP = 1e-6
@@ -91,6 +92,7 @@ def run_pairs(folder, sections, pairs, *, duration=STEP, step=STEP, frames=1, ra
         "output": {"interval": duration / frames, "forces": True},
     }
     case = parse_case(case | sections, folder)
+    (folder / "case.yaml").write_text(dump_case(case))
     write_deck(case, create_particles(case), folder)
     done = lmp("-in", DECK, folder=folder, ranks=ranks)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -437,6 +439,40 @@ def test_ledger_of_stock_laws_closes_and_their_losses_stay(tmp_path, law, field)
     assert ledger.contact_loss[-1] == pytest.approx(ledger.contact_loss[-5], rel=1e-6)
     if field:
         assert np.ptp(ledger.near_field_energy) > 1e-3
+
+
+GIVING = {
+    "hooke, pressed": (HOOKE, Pair(0.089)),
+    "hertz, pressed": (HERTZ, Pair(0.089)),
+    "dmt, slow": (DMT, Pair(0.09001, closing=1e-3)),
+    "jkr, slow": (JKR, Pair(0.09001, closing=1e-3)),
+}
+
+
+@pytest.mark.parametrize("name", GIVING)
+def test_stock_contacts_may_give_what_they_hold_and_their_adhesion_does(tmp_path, name):
+    """Springs that are pressed at the start and surfaces that stick are no instability."""
+    contact, pair = GIVING[name]
+    contact = contact | {"damping": 0.0}
+    run_pairs(tmp_path, {"contact": contact}, [pair], duration=0.04, step=4e-6, frames=1000)
+    case = load_case(tmp_path / "case.yaml")
+    particles = create_particles(case)
+    reserve = energy_reserve(case.contact, particles.position, particles.radius)
+    given = -EnergyLedger.read(tmp_path / ENERGY_TABLE).contact_loss.min()
+    # That of adhesion is for the largest spheres: it goes with R*^(4/3), here 2/45 m.
+    if "surface_energy" in contact:
+        reserve *= (np.prod(pair.radius) / sum(pair.radius) / 0.025) ** (4 / 3)
+    assert given == pytest.approx(reserve, rel=2e-3)
+    assert given > 10 * 0.5 * pair.mass[0] * pair.closing**2
+
+
+def test_a_stock_contact_that_makes_energy_stops_the_run(tmp_path):
+    """A step that is four times too long for the spring."""
+    with pytest.raises(AssertionError, match="came from nothing"):
+        run_pairs(
+            tmp_path, {"contact": HOOKE | {"damping": 0.0}}, [Pair(0.0901, closing=2.0)],
+            duration=1.2, step=6e-3, frames=200,
+        )  # fmt: skip
 
 
 @pytest.mark.parametrize("field", [None, NEAR_FIELD | {"scaling": "charge"}], ids=["", "charge"])

@@ -11,9 +11,12 @@ from conftest import REPOSITORY, lmp, random_cloud
 from pydantic import BaseModel
 
 from lammps_blast import case as case_module
+from lammps_blast import step_history
 from lammps_blast.analyze import analyze, summarize, write_results
 from lammps_blast.case import load_case, parse_case
-from lammps_blast.deck import ENERGY_ACCOUNTS, write_deck, write_resolved_case
+from lammps_blast.clumps import CLUMP_NUMBERS
+from lammps_blast.contacts import CONTACT_NUMBERS
+from lammps_blast.deck import ENERGY_ACCOUNTS, STEP_COLUMNS, write_deck, write_resolved_case
 from lammps_blast.particles import create_particles
 from lammps_blast.trajectory import open_universe
 
@@ -125,7 +128,12 @@ def test_complete_input_with_contacts_forms_bonds_and_keeps_its_ledger(tmp_path)
 
 
 # What the examples of fixes and computes are given to act on.
-PAIRS = "comm_modify vel yes\npair_style blast/contact\npair_coeff * * stiffness 1.0e7 exponent 2"
+PAIRS = """
+neighbor 0.1 nsq
+comm_modify vel yes
+pair_style blast/contact
+pair_coeff * * stiffness 1.0e7 exponent 2
+"""
 
 
 def example_pieces(text: str) -> list[str]:
@@ -137,7 +145,7 @@ def test_example_lines_of_the_styles_run(simulate):
     pieces = [piece for text in EXAMPLE_BLOCKS for piece in example_pieces(text)]
     parts = [t for t in STYLE_BLOCKS if t not in EXAMPLE_BLOCKS and not t.startswith("units")]
     assert "".join(pieces) == "".join(EXAMPLE_BLOCKS)
-    assert len(EXAMPLE_BLOCKS) == 9
+    assert len(EXAMPLE_BLOCKS) == 10
     assert parts
     simulation = simulate(random_cloud(10, seed=1, velocity=[1.0, 2.0, 3.0]))
     for commands in [*pieces, *parts]:
@@ -185,22 +193,11 @@ def test_every_choice_of_a_case_is_on_the_case_page():
                     assert f"`{choice}`" in CASE_PAGE, f"{key}: {choice}"
 
 
-def test_keys_said_to_be_not_supported_are_refused_as_such(tmp_path):
-    text = SHIPPED_CASE.read_text(encoding="utf-8")
-    section = CASE_PAGE.split("## Not supported yet")[1]
-    refused = {
-        "time.integrator": text.replace("step: 1.0e-4", "step: 1.0e-4, integrator: implicit"),
-        "time.implicit": text.replace("step: 1.0e-4", "step: 1.0e-4, implicit: {phi: 0.5}"),
-    }
-    for key, case in refused.items():
-        assert f"`{key}" in section
-        with pytest.raises(case_module.CaseError, match=f"^{key}: not supported yet"):
-            parse_case(case, tmp_path)
-
-
-def test_energy_accounts_are_on_the_case_page():
+def test_columns_of_tables_are_on_the_case_page():
     for account in ENERGY_ACCOUNTS:
         assert f"| `{account}` |" in CASE_PAGE
+    for column in (*STEP_COLUMNS, *step_history.COLUMNS, *CLUMP_NUMBERS, *CONTACT_NUMBERS):
+        assert f"`{column}`" in CASE_PAGE, column
 
 
 def test_what_the_physics_page_names_exists():

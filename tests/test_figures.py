@@ -28,6 +28,7 @@ from lammps_blast.figures import (
     pair_history_figure,
     scene,
     semi_axis_figure,
+    step_figure,
     velocity_figure,
 )
 from lammps_blast.figures import contacts as contact_pictures
@@ -494,7 +495,7 @@ def test_without_potentials_or_without_losses_there_is_no_panel_for_them(tmp_pat
     also = ("near_field_energy", "drag_loss", "bond_formation_loss", empty)
     figure = interacting_ledger(tmp_path / "run", **dict.fromkeys(also, np.zeros(21)))
     drawn = [axes.get_ylabel().split(" (")[0] for axes in figure.axes[:-1]]
-    assert drawn == ["since launch", "potential" if missing == "lost" else "lost"]
+    assert drawn == ["since launch", "potential, change" if missing == "lost" else "lost"]
 
 
 def test_both_charges_get_a_picture_of_their_own(tmp_path):
@@ -658,6 +659,38 @@ def test_a_run_whose_particles_meet_gets_five_figures_more(clumped, tmp_path):
     names = {"clumps", "clump_statistics", "contacts", "pair_distances", "pair_histories"}
     drawn = {file.name.removesuffix(".png") for file in tmp_path.iterdir()}
     assert names < drawn < set(FIGURES)
+
+
+def test_steps_are_drawn_with_their_limits(tmp_path):
+    """One that failed twice before it came about, and one that no correction changed."""
+    run = make_run(tmp_path / "run", frames=3)
+    table = "time,step,corrections,error,restarts,evaluations\n"
+    rows = [(0.1, 0.1, 1, 1e-4, 0, 3), (0.3, 0.2, 4, 2e-5, 2, 20), (0.4, 0.1, 1, 0.0, 2, 22)]
+    rows = "".join(",".join(map(str, row)) + "\n" for row in rows)
+    (tmp_path / "run" / "steps.csv").write_text(table + rows)
+    case = tmp_path / "run" / "case.yaml"
+    text = case.read_text().rstrip("}\n")
+    case.write_text(text + ", integrator: implicit, implicit: {max_step: 0.25, tolerance: 2e-4}}\n")
+    run = analyze(tmp_path / "run")
+    figure = step_figure(run)
+    lengths, counts, errors = figure.axes
+    assert lines(lengths)["step"][1] == pytest.approx([100.0, 200.0, 100.0])  # ms
+    assert lines(lengths)["longest allowed"][1] == [250.0, 250.0]
+    assert lines(counts)["corrections of a step"][1] == [1, 4, 1]
+    assert lines(counts)["restarts of a step"] == ([300.0], [2])
+    assert lines(errors)["tolerance"][1] == [2e-4, 2e-4]
+    assert np.isnan(lines(errors)["error of the last correction"][1][2])
+    assert "3 steps, 2 restarts; 55 force evaluations per simulated second" in words(figure)
+    draw_figures(run, tmp_path / "figures")
+    assert (tmp_path / "figures" / "steps.png").is_file()
+
+
+def lines(axes) -> dict[str, tuple[list[float], list[float]]]:
+    """Return the points of the labelled lines of a panel, in the units of its axes."""
+    return {
+        line.get_label(): tuple(np.asarray(data, dtype=float).tolist() for data in line.get_data())
+        for line in axes.lines
+    }
 
 
 def test_particles_have_the_colour_of_the_size_of_their_clump(clumped, monkeypatch):

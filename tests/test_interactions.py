@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 
 from lammps_blast import interactions as ia
 from lammps_blast.case import CaseError, parse_case
+from lammps_blast.case_warnings import check_near_field, interaction_warnings
 from lammps_blast.derived_numbers import derive_numbers
-from lammps_blast.interaction_warnings import case_warnings, check_near_field
 from lammps_blast.interactions import NearFieldLaw
 from lammps_blast.pairs import pair_kinds
 from lammps_blast.step_advice import advised_step, step_warnings, time_scales
@@ -241,6 +241,45 @@ class TestHertz:
         assert lens / hertz == pytest.approx(1 - strain / 2, rel=1e-12)
 
 
+class TestAdhesion:
+    MODULUS, GAMMA, RADIUS = 5.5e6, 12.0, 0.02
+
+    def test_energies_are_integrals_of_the_forces(self):
+        overlap = 3e-3
+        held = integral(lambda d: ia.hertz_force(d, self.RADIUS, self.MODULUS), 0.0, overlap)
+        assert ia.hertz_energy(overlap, self.RADIUS, self.MODULUS) == pytest.approx(held, rel=1e-9)
+        assert ia.hooke_energy([overlap, -overlap], 2e5) == pytest.approx([0.9, 0.0])
+
+    def test_dmt(self):
+        pull = 4 * np.pi * self.GAMMA * self.RADIUS
+
+        def force(overlap):
+            return pull - ia.hertz_force(overlap, self.RADIUS, self.MODULUS)
+
+        balance = brentq(force, 1e-6, 1e-2)
+        energy = ia.dmt_binding_energy(self.RADIUS, self.MODULUS, self.GAMMA)
+        assert energy == pytest.approx(integral(force, 0.0, balance), rel=1e-9)
+
+    def test_jkr(self):
+        """By the contact radius a: overlap a^2/R* - 2 sqrt(pi gamma a/E*), and its force."""
+        modulus, gamma, radius = self.MODULUS, self.GAMMA, self.RADIUS
+
+        def overlap(a):
+            return a**2 / radius - 2 * np.sqrt(np.pi * gamma * a / modulus)
+
+        def pull(a):
+            adhesion = 2 * np.pi * a**2 * np.sqrt(4 * gamma * modulus / (np.pi * a))
+            return adhesion - 4 * modulus * a**3 / (3 * radius)
+
+        def work(a):
+            return pull(a) * (2 * a / radius - np.sqrt(np.pi * gamma / (modulus * a)))
+
+        touch, balance = brentq(overlap, 1e-4, 1e-2), brentq(pull, 1e-4, 1e-2)
+        energy = ia.jkr_binding_energy(radius, modulus, gamma)
+        assert energy == pytest.approx(integral(work, touch, balance), rel=1e-9)
+        assert energy > 0
+
+
 class TestEquilibrium:
     LAW = NearFieldLaw(0.5, 1.0, 0.01, 2.0)
 
@@ -329,6 +368,7 @@ class TestStepAdvice:
         pressure = 1e7 * np.exp(0.4) * 0.01
         stiffness = pressure * (2 * area / 0.01 + np.pi / 2 * 0.09)
         expected = {
+            "gyration": 2 * np.pi / 100.0,
             "contact": np.pi * np.sqrt(mass / stiffness),
             "dissipation": mass / (1e5 * area),
             "friction": np.sqrt(mass / (1e7 * area)),
@@ -425,8 +465,40 @@ class TestStepAdvice:
         )
         assert "in which drag slows a particle: paths come out wrong; take a tenth" in warning
 
-    @pytest.mark.parametrize(("integrator", "warned"), [("verlet", True), ("lorentz", False)])
-    def test_gyration_limits_verlet_only(self, integrator, warned):
+    @pytest.mark.parametrize("other", ["contact", "electric field"])
+    def test_forces_between_exact_turns_want_a_part_of_a_turn_a_step(self, other):
+        changes = NOTHING_BUT_CONTACT | {"fields": {"magnetic": [0, 0, 10.0]}}
+        if other == "electric field":
+            changes |= {"contact": None}
+            changes["fields"] = changes["fields"] | {"electric": [1.0, 0, 1.0]}
+        warned = {}
+        for step in (5e-3, 2e-2):  # of a turn of 63 ms
+            case = section_9(**changes, time={"duration": 1.0, "step": step})
+            warned[step] = any("gyration" in text for text in step_warnings(case, CLOUD))
+        assert warned == {5e-3: False, 2e-2: True}
+        along = section_9(
+            **changes | {"contact": None, "fields": {"magnetic": [0, 0, 10], "electric": [0, 0, 1]}}
+        )
+        assert "gyration" not in self.scales(along)
+
+    def test_a_collapse_under_all_pairs_is_faster_than_the_launch(self):
+        """The speed that it gives: energy set free from the cloud as it is to a dense one."""
+        near_field = {"scaling": "mass", "attraction": {"strength": 0.5, "exponent": 1.0}}
+        case = section_9(blast=None, near_field=near_field | {"cutoff": "all"}, bond=None)
+        mass = CLOUD.mass[0]
+        width = np.linalg.norm(GRID - GRID.mean(axis=0), axis=1).max()
+        shrinking = (125 * 0.05**3 / 0.64) ** (1 / 3) / width
+        i, j = np.triu_indices(125, 1)
+        before = np.linalg.norm(GRID[i] - GRID[j], axis=1)
+        after = np.maximum(shrinking * before, 0.1)
+        released = 0.5 * mass**2 * np.log(before / after).sum()
+        speed = np.sqrt(2 * released / (125 * mass))
+        assert self.scales(case)["crossing"].seconds == pytest.approx(0.05 / speed, rel=0.05)
+
+    @pytest.mark.parametrize(
+        ("integrator", "warned"), [("verlet", True), ("implicit", True), ("lorentz", False)]
+    )
+    def test_gyration_alone_limits_all_but_the_exact_turns(self, integrator, warned):
         time = {"duration": 1.0, "step": 5e-3, "integrator": integrator}
         case = section_9(
             contact=None, **NOTHING_BUT_CONTACT | {"fields": {"magnetic": [0, 0, 10.0]}}, time=time
@@ -498,9 +570,9 @@ class TestRefusals:
             check_near_field(case, unlike)
 
     def test_cutoff_below_a_diameter(self):
-        assert not list(case_warnings(section_9(bond=None), CLOUD))
+        assert not list(interaction_warnings(section_9(bond=None), CLOUD))
         case = section_9(near_field=NEAR_FIELD | {"cutoff": 0.09}, bond=None)
-        (warning,) = case_warnings(case, CLOUD)
+        (warning,) = interaction_warnings(case, CLOUD)
         assert warning.startswith("near_field.cutoff 0.09 m is smaller than a particle diameter")
 
     @pytest.mark.parametrize(
@@ -518,7 +590,7 @@ class TestRefusals:
         ],
     )
     def test_bonds_that_cannot_pull(self, bond, pulls):
-        warnings = list(case_warnings(section_9(bond=BOND | bond), CLOUD))
+        warnings = list(interaction_warnings(section_9(bond=BOND | bond), CLOUD))
         assert any("cannot pull" in warning for warning in warnings) != pulls
         assert pulls or warnings[0].startswith("bond.stiffness ")
 

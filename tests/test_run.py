@@ -44,6 +44,15 @@ time: {duration: 0.2, step: 1.0e-4}
 output: {interval: 0.01, contacts: true}
 """
 
+
+def without_interactions(text):
+    """Return the case of the cluster without contact and near field."""
+    lines = text.splitlines(keepends=True)
+    gone = ("contact", "near_field", "          friction", "             repul")
+    free = "".join(line for line in lines if not line.startswith(gone))
+    return free.replace(", contacts: true", "")
+
+
 BAD_CASES = {
     "unknown key": (CASE + "colour: blue\n", "colour"),
     "misspelt key": (CASE.replace("density: 7000", "densty: 7000"), "did you mean `density`"),
@@ -59,7 +68,10 @@ BAD_CASES = {
         CLUSTER.replace("strength: 0.5", "strength: 5.0e3"),
         "near_field.attraction.strength",
     ),
-    "implicit": (CASE.replace("step: 1.0e-4}", "step: 1.0e-4, integrator: implicit}"), "not supp"),
+    "implicit": (
+        CASE.replace("step: 1.0e-4}", "step: 1.0e-4, integrator: implicit, implicit: {phi: 2}}"),
+        "time.implicit.phi: must be at most 1",
+    ),
     "file missing": (
         "name: a\nparticles: {file: none.csv}\ntime: {duration: 1, step: 0.1}\n",
         "none.csv",
@@ -212,6 +224,65 @@ def test_unstable_run_is_stopped_with_a_step_that_works(tmp_path, stiffness, sym
     assert "WARNING" not in done.stderr
 
 
+IMPLICIT = CLUSTER.replace(
+    "step: 1.0e-4",
+    "step: 1.0e-4, integrator: implicit, implicit: {first_step: 1.0e-5, max_step: 2.5e-4}",
+)
+
+
+def test_adaptive_steps_leave_their_history_and_the_same_physics(cluster, tmp_path):
+    assert IMPLICIT != CLUSTER
+    (tmp_path / "case.yaml").write_text(IMPLICIT)
+    done = blast("run", "case.yaml", "--output", "out", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"\d+ steps of 1e-05 to 0\.00025 s, 0 restarts, [\d,]+ force", done.stdout)
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert all(check["passed"] for check in summary["checks"].values())
+    assert {check["limit"] for check in summary["checks"].values()} == {1e-3, 5e-4}
+    table = np.genfromtxt(tmp_path / "out" / "steps.csv", delimiter=",", names=True)
+    ledger = np.genfromtxt(tmp_path / "out" / "energy.csv", delimiter=",", names=True)
+    assert summary["steps"] == len(table) == ledger["steps_taken"][-1]
+    assert table["step"].sum() == pytest.approx(summary["duration"], rel=1e-12)
+    assert summary["integration"]["force_evaluations"] == table["evaluations"][-1]
+    assert summary["frames"] == 21
+    assert summary["complete"]
+    assert "steps" in {path.stem for path in (tmp_path / "out" / "figures").iterdir()}
+    expected = json.loads((cluster / "summary.json").read_text())
+    for name in ("extent_parallel", "extent_perpendicular"):
+        assert summary["envelope"][name] == pytest.approx(expected["envelope"][name], rel=0.02)
+    # A run without them takes away what is theirs.
+    done = run(tmp_path, "--output", "out", "--force", "--no-figures", text=CLUSTER)
+    assert done.returncode == 0, done.stderr
+    assert not (tmp_path / "out" / "steps.csv").exists()
+    assert not (tmp_path / "out" / "figures" / "steps.png").exists()
+
+
+def test_dumped_forces_of_adaptive_steps_are_those_of_the_frame(tmp_path):
+    """Magnetic force and drag included: m dv/dt along the orbit of a free particle."""
+    text = without_interactions(IMPLICIT).replace("0.01}", "0.01, forces: true}")
+    assert run(tmp_path, "--output", "out", "--no-figures", text=text).returncode == 0
+    data = open_universe(tmp_path / "out").trajectory[-1].data
+    rest = data["force"] - data["q"][:, None] * np.cross(data["velocity"], [10.0, 0.0, 0.0])
+    # What is left is drag, against the velocity.
+    speed = np.linalg.norm(data["velocity"], axis=1)
+    along = np.einsum("nk,nk->n", rest, data["velocity"]) / speed
+    assert (along < 0).all()
+    assert np.linalg.norm(rest, axis=1) == pytest.approx(-along, rel=1e-6)
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_warnings_of_a_case_reach_every_user(tmp_path, quiet):
+    """Those who write a deck for a cluster, and those who want no progress, among them."""
+    text = CLUSTER.replace("step: 1.0e-4", "step: 1.0e-3")
+    done = run(tmp_path, *(["--quiet"] if quiet else []), "--no-figures", text=text)
+    assert "WARNING: time.step is" in said(done)
+    assert ("limiting time scale" in said(done)) == (not quiet)
+    done = blast("deck", "case.yaml", "-o", "deck", folder=tmp_path)
+    assert done.returncode == 0
+    assert "WARNING: time.step is" in done.stderr
+    assert "limiting time scale: contact" in done.stderr
+
+
 def test_deck_of_a_near_field_that_contact_cannot_resist_is_not_written(tmp_path):
     (tmp_path / "case.yaml").write_text(CLUSTER.replace("strength: 0.5", "strength: 5.0e3"))
     done = blast("deck", "case.yaml", folder=tmp_path)
@@ -251,14 +322,7 @@ def test_run_of_interacting_particles_leaves_contacts_and_clumps(cluster):
 
 def test_force_takes_away_what_only_interacting_particles_leave(cluster, tmp_path):
     shutil.copytree(cluster, tmp_path / "out")
-    free = "".join(
-        line
-        for line in CLUSTER.splitlines(keepends=True)
-        if not line.startswith(
-            ("contact", "near_field", "          friction", "             repul")
-        )
-    ).replace(", contacts: true", "")
-    done = run(tmp_path, "--output", "out", "--force", text=free)
+    done = run(tmp_path, "--output", "out", "--force", text=without_interactions(CLUSTER))
     assert done.returncode == 0, done.stderr
     left = {path.name for path in (tmp_path / "out").rglob("*")}
     assert "summary.json" in left

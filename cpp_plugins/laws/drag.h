@@ -67,24 +67,34 @@ inline double dynamic_pressure_area(const Medium &medium, double radius)
   return 0.5 * medium.density * pi * radius * radius;
 }
 
-// Force of the medium on a sphere: eq. 3.6 with C_D constant or from eq. 4.2, or eq. 4.13.
-inline Vector3 drag_force(const Medium &medium, double radius, const Vector3 &velocity)
+// c of F = c (v_f - v): eq. 3.6 with C_D constant or from eq. 4.2, or eq. 4.13.
+inline double drag_resistance(const Medium &medium, double radius, double relative_speed)
 {
-  const Vector3 relative = medium.velocity - velocity;
-  const double speed = norm(relative);
-  if (speed == 0.0) return {};
+  double drag_coefficient = medium.drag_coefficient;
   switch (medium.law) {
-  case DragLaw::constant:
-    return dynamic_pressure_area(medium, radius) * medium.drag_coefficient * speed * relative;
-  case DragLaw::chow:
-    return dynamic_pressure_area(medium, radius) *
-           chow_drag_coefficient(reynolds_number(medium, radius, speed)) * speed * relative;
-  case DragLaw::stokes:
-    return stokes_friction(medium, radius) * relative;
   case DragLaw::none:
+    return 0.0;
+  case DragLaw::stokes:
+    return stokes_friction(medium, radius);
+  case DragLaw::chow: {
+    const double reynolds = reynolds_number(medium, radius, relative_speed);
+    // Eq. 4.2 is Stokes's law there, and C_D is infinite at rest.
+    if (chow_branch(reynolds) == 0) return stokes_friction(medium, radius);
+    drag_coefficient = chow_drag_coefficient(reynolds);
     break;
   }
-  return {};
+  case DragLaw::constant:
+    break;
+  }
+  return dynamic_pressure_area(medium, radius) * drag_coefficient * relative_speed;
+}
+
+// Force of the medium on a sphere.
+inline Vector3 drag_force(const Medium &medium, double radius, const Vector3 &velocity)
+{
+  if (medium.law == DragLaw::none) return {};
+  const Vector3 relative = medium.velocity - velocity;
+  return drag_resistance(medium, radius, norm(relative)) * relative;
 }
 
 // What drag leaves of a speed relative to the medium, and what it takes: kept + lost = 1. Each is

@@ -12,10 +12,11 @@
 #include <cstring>
 
 using namespace LAMMPS_NS;
+using blast::Vector3;
 
 namespace {
 
-blast::Vector3 vector(LAMMPS *lmp, const char *style, char **text)
+Vector3 vector(LAMMPS *lmp, const char *style, char **text)
 {
   return {finite_argument(lmp, style, text[0]), finite_argument(lmp, style, text[1]),
           finite_argument(lmp, style, text[2])};
@@ -25,40 +26,47 @@ blast::Vector3 vector(LAMMPS *lmp, const char *style, char **text)
 
 ExternalFields::ExternalFields(LAMMPS *lmp, const char *style, int first, int narg, char **arg)
 {
-  bool density_given = false, viscosity_given = false;
-  const auto require = [&](int iarg, int values) {
-    require_arguments(lmp, style, iarg, values, narg, arg);
-  };
-
-  int iarg = first;
-  while (iarg < narg) {
-    if (strcmp(arg[iarg], "magnetic") == 0) {
-      require(iarg, 3);
-      magnetic = vector(lmp, style, &arg[iarg + 1]);
-      iarg += 4;
-    } else if (strcmp(arg[iarg], "drag") == 0) {
-      require(iarg, 1);
-      read_drag(lmp, style, iarg, narg, arg);
-    } else if (strcmp(arg[iarg], "density") == 0) {
-      require(iarg, 1);
-      medium.density = non_negative_argument(lmp, style, "density", arg[iarg + 1]);
-      density_given = true;
-      iarg += 2;
-    } else if (strcmp(arg[iarg], "viscosity") == 0) {
-      require(iarg, 1);
-      medium.viscosity = non_negative_argument(lmp, style, "viscosity", arg[iarg + 1]);
-      viscosity_given = true;
-      iarg += 2;
-    } else if (strcmp(arg[iarg], "velocity") == 0) {
-      require(iarg, 3);
-      medium.velocity = vector(lmp, style, &arg[iarg + 1]);
-      iarg += 4;
-    } else {
+  for (int iarg = first; iarg < narg;)
+    if (!read_keyword(lmp, style, iarg, narg, arg))
       lmp->error->all(FLERR, "Unknown {} keyword: {}", style, arg[iarg]);
-    }
-  }
+  complete(lmp, style);
+}
 
-  check_medium(lmp, style, density_given, viscosity_given);
+bool ExternalFields::read_keyword(LAMMPS *lmp, const char *style, int &iarg, int narg, char **arg)
+{
+  const char *keyword = arg[iarg];
+  const auto require = [&](int values) { require_arguments(lmp, style, iarg, values, narg, arg); };
+
+  if (strcmp(keyword, "magnetic") == 0) {
+    require(3);
+    magnetic = vector(lmp, style, &arg[iarg + 1]);
+    iarg += 4;
+  } else if (strcmp(keyword, "drag") == 0) {
+    require(1);
+    read_drag(lmp, style, iarg, narg, arg);
+  } else if (strcmp(keyword, "density") == 0) {
+    require(1);
+    medium.density = non_negative_argument(lmp, style, "density", arg[iarg + 1]);
+    density_given = true;
+    iarg += 2;
+  } else if (strcmp(keyword, "viscosity") == 0) {
+    require(1);
+    medium.viscosity = non_negative_argument(lmp, style, "viscosity", arg[iarg + 1]);
+    viscosity_given = true;
+    iarg += 2;
+  } else if (strcmp(keyword, "velocity") == 0) {
+    require(3);
+    medium.velocity = vector(lmp, style, &arg[iarg + 1]);
+    iarg += 4;
+  } else {
+    return false;
+  }
+  return true;
+}
+
+void ExternalFields::complete(LAMMPS *lmp, const char *style)
+{
+  check_medium(lmp, style);
   magnetic_strength = blast::norm(magnetic);
   if (!std::isfinite(magnetic_strength))
     lmp->error->all(FLERR, "{} magnetic field is too strong to be squared", style);
@@ -86,8 +94,7 @@ void ExternalFields::read_drag(LAMMPS *lmp, const char *style, int &iarg, int na
   }
 }
 
-void ExternalFields::check_medium(LAMMPS *lmp, const char *style, bool density_given,
-                                  bool viscosity_given) const
+void ExternalFields::check_medium(LAMMPS *lmp, const char *style) const
 {
   const bool needs_density =
       medium.law == blast::DragLaw::constant || medium.law == blast::DragLaw::chow;
@@ -118,4 +125,24 @@ void ExternalFields::check(LAMMPS *lmp, const char *style) const
     lmp->error->all(FLERR, "{} requires atom attributes radius and rmass", style);
   if (magnetic_strength > 0.0 && !lmp->atom->q_flag)
     lmp->error->all(FLERR, "{} with a magnetic field requires atom attribute q", style);
+}
+
+void ExternalForces::add(const ExternalFields &fields, Atom &atom, int groupbit)
+{
+  const bool magnetised = fields.magnetic_strength > 0.0;
+  drag.resize(atom.nlocal);
+  magnetic.resize(atom.nlocal);
+  for (int i = 0; i < atom.nlocal; i++) {
+    drag[i] = magnetic[i] = Vector3();
+    if (!(atom.mask[i] & groupbit)) continue;
+    const Vector3 velocity(atom.v[i]);
+    drag[i] = drag_force(fields.medium, atom.radius[i], velocity);
+    if (magnetised) magnetic[i] = magnetic_force(atom.q[i], velocity, fields.magnetic);
+    (Vector3(atom.f[i]) + drag[i] + magnetic[i]).store(atom.f[i]);
+  }
+}
+
+double ExternalForces::memory_usage() const
+{
+  return static_cast<double>((drag.capacity() + magnetic.capacity()) * sizeof(Vector3));
 }

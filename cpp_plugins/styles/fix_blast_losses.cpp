@@ -1,6 +1,5 @@
 #include "fix_blast_losses.h"
 
-#include "pair_blast_contact.h"
 #include "sphere.h"
 
 #include "atom.h"
@@ -17,6 +16,49 @@ using namespace FixConst;
 using blast::Vector3;
 
 static constexpr char STYLE[] = "Fix blast/losses";
+
+namespace {
+
+// Mean velocities over a kick by the present forces, whose middle lies ahead of the present ones.
+class KickMotion {
+public:
+  KickMotion(const Atom &atom_, double middle_) : atom(atom_), middle(middle_) {}
+
+  Vector3 velocity(int i) const
+  {
+    const Vector3 present(atom.v[i]);
+    return middle == 0.0 ? present : present + (middle / atom.rmass[i]) * Vector3(atom.f[i]);
+  }
+
+  Vector3 spin(int i) const
+  {
+    const Vector3 present(atom.omega[i]);
+    if (middle == 0.0) return present;
+    const double inertia = blast::moment_of_inertia(atom.rmass[i], atom.radius[i]);
+    return present + (middle / inertia) * Vector3(atom.torque[i]);
+  }
+
+private:
+  const Atom &atom;
+  double middle;
+};
+
+// Mean velocities that are known.
+class StepMotion {
+public:
+  StepMotion(const double *velocities_, const double *spins_)
+      : velocities(velocities_), spins(spins_)
+  {
+  }
+
+  Vector3 velocity(int i) const { return Vector3(velocities + 3 * i); }
+  Vector3 spin(int i) const { return Vector3(spins + 3 * i); }
+
+private:
+  const double *velocities, *spins;
+};
+
+} // namespace
 
 FixBlastLosses::FixBlastLosses(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
 {
@@ -49,6 +91,7 @@ void FixBlastLosses::init()
     if (fix->time_integrate)
       error->all(FLERR, "{} must be defined before fix {}, which integrates", STYLE, fix->id);
   }
+  is_told = !modify->get_fix_by_style("^nve/implicit$").empty();
   pair = static_cast<PairBlastContact *>(force->pair_match("blast/contact", 1));
   if (pair) {
     pair->keep_contacts();
@@ -69,11 +112,11 @@ void FixBlastLosses::post_force(int /*vflag*/)
 {
   if (!counts_pair_work) return;
   const int nlocal = atom->nlocal;
-  pair_force.resize(nlocal);
-  pair_torque.assign(nlocal, Vector3());
+  pair_forces.force.resize(nlocal);
+  pair_forces.torque.assign(nlocal, Vector3());
   for (int i = 0; i < nlocal; i++) {
-    pair_force[i] = Vector3(atom->f[i]);
-    if (turns) pair_torque[i] = Vector3(atom->torque[i]);
+    pair_forces.force[i] = Vector3(atom->f[i]);
+    if (turns) pair_forces.torque[i] = Vector3(atom->torque[i]);
   }
 }
 
@@ -83,6 +126,7 @@ void FixBlastLosses::post_force(int /*vflag*/)
 // counts both.
 void FixBlastLosses::initial_integrate(int /*vflag*/)
 {
+  if (is_told) return;
   const bool both = closing_due == update->dt;
   if (closing_due > 0.0 && !both) close_step();
   count(both ? Kick{update->dt, 0.0} : opening_kick(), tally);
@@ -91,23 +135,57 @@ void FixBlastLosses::initial_integrate(int /*vflag*/)
 
 void FixBlastLosses::end_of_step()
 {
+  if (is_told) {
+    count_formation();
+    return;
+  }
   closing_due = update->dt;
-  if (pair) count_formation();
+  count_formation();
+  const Kick kick = closing_kick();
+  count_new_bonds(kick.length, KickMotion(*atom, kick.middle));
+}
+
+void FixBlastLosses::begin_step()
+{
+  count_formation();
+  if (pair) contacts_at_beginning = pair->kept_contacts();
+  if (counts_pair_work) pair_forces_at_beginning = pair_forces;
+}
+
+void FixBlastLosses::count_step(double step, double new_part, const double *velocity,
+                                const double *spin)
+{
+  const StepMotion motion(velocity, spin);
+  const double new_length = new_part * step, old_length = step - new_length;
+  if (pair) {
+    count_contacts(contacts_at_beginning, old_length, motion, tally);
+    count_contacts(pair->kept_contacts(), new_length, motion, tally);
+    count_new_bonds(new_length, motion);
+  }
+  if (counts_pair_work) {
+    count_pair_forces(pair_forces_at_beginning, old_length, motion, tally);
+    count_pair_forces(pair_forces, new_length, motion, tally);
+  }
+}
+
+// Heat of the bonds that have formed since this was last looked at.
+void FixBlastLosses::count_formation()
+{
+  if (!pair) return;
+  tally.energy[BOND_FORMATION] += pair->formation_heat - heat_counted;
+  heat_counted = pair->formation_heat;
 }
 
 // A new bond pulls already in the kick that ends the step in which it forms, a kick that belongs to
 // the way there: that work is not set free as heat.
-void FixBlastLosses::count_formation()
+template <class Motion> void FixBlastLosses::count_new_bonds(double length, const Motion &motion)
 {
-  tally.energy[BOND_FORMATION] += pair->formation_heat - heat_counted;
-  heat_counted = pair->formation_heat;
-  const Kick kick = closing_kick();
+  if (!pair) return;
   for (const Contact &contact : pair->kept_contacts()) {
     if (!contact.has_just_bonded) continue;
-    double along = dot(mean_velocity(contact.i, kick.middle), contact.normal);
-    if (contact.j < atom->nlocal)
-      along -= dot(mean_velocity(contact.j, kick.middle), contact.normal);
-    tally.energy[BOND_FORMATION] -= kick.length * contact.bond * along;
+    double along = dot(motion.velocity(contact.i), contact.normal);
+    if (contact.j < atom->nlocal) along -= dot(motion.velocity(contact.j), contact.normal);
+    tally.energy[BOND_FORMATION] -= length * contact.bond * along;
   }
 }
 
@@ -141,52 +219,42 @@ FixBlastLosses::Kick FixBlastLosses::opening_kick() const
 
 void FixBlastLosses::count(const Kick &kick, Tally &total) const
 {
-  if (pair) count_contacts(kick, total);
-  if (counts_pair_work) count_pair_forces(kick, total);
+  const KickMotion motion(*atom, kick.middle);
+  if (pair) count_contacts(pair->kept_contacts(), kick.length, motion, total);
+  if (counts_pair_work) count_pair_forces(pair_forces, kick.length, motion, total);
 }
 
-Vector3 FixBlastLosses::mean_velocity(int i, double middle) const
+template <class Motion>
+void FixBlastLosses::count_contacts(const Contacts &contacts, double length, const Motion &motion,
+                                    Tally &total) const
 {
-  const Vector3 velocity(atom->v[i]);
-  if (middle == 0.0) return velocity;
-  return velocity + (middle / atom->rmass[i]) * Vector3(atom->f[i]);
-}
-
-Vector3 FixBlastLosses::mean_spin(int i, double middle) const
-{
-  const Vector3 spin(atom->omega[i]);
-  if (middle == 0.0) return spin;
-  const double inertia = blast::moment_of_inertia(atom->rmass[i], atom->radius[i]);
-  return spin + (middle / inertia) * Vector3(atom->torque[i]);
-}
-
-void FixBlastLosses::count_contacts(const Kick &kick, Tally &total) const
-{
-  for (const Contact &contact : pair->kept_contacts()) {
+  for (const Contact &contact : contacts) {
     if (contact.damping == 0.0 && contact.friction == 0.0 && contact.bond_friction == 0.0) continue;
     // How fast the two follow a unit force along the normal, and one along the tangent.
     const Vector3 turning = cross(contact.normal, contact.tangent);
     double along = 0.0, across = 0.0;
     const auto add_motion = [&](int particle, double sign, double arm) {
-      const Vector3 velocity = mean_velocity(particle, kick.middle);
+      const Vector3 velocity = motion.velocity(particle);
       along += sign * dot(velocity, contact.normal);
       across += sign * dot(velocity, contact.tangent);
-      if (arm != 0.0) across += arm * dot(mean_spin(particle, kick.middle), turning);
+      if (arm != 0.0) across += arm * dot(motion.spin(particle), turning);
     };
     add_motion(contact.i, 1.0, contact.arm_i);
     if (contact.j < atom->nlocal) add_motion(contact.j, -1.0, contact.arm_j);
-    total.energy[DAMPING] -= kick.length * contact.damping * along;
-    total.energy[FRICTION] -= kick.length * contact.friction * across;
-    total.energy[BOND_FRICTION] -= kick.length * contact.bond_friction * across;
+    total.energy[DAMPING] -= length * contact.damping * along;
+    total.energy[FRICTION] -= length * contact.friction * across;
+    total.energy[BOND_FRICTION] -= length * contact.bond_friction * across;
   }
 }
 
-void FixBlastLosses::count_pair_forces(const Kick &kick, Tally &total) const
+template <class Motion>
+void FixBlastLosses::count_pair_forces(const PairForces &forces, double length,
+                                       const Motion &motion, Tally &total) const
 {
   for (int i = 0; i < atom->nlocal; i++) {
-    double power = dot(pair_force[i], mean_velocity(i, kick.middle));
-    if (turns) power += dot(pair_torque[i], mean_spin(i, kick.middle));
-    total.energy[PAIR_WORK] += kick.length * power;
+    double power = dot(forces.force[i], motion.velocity(i));
+    if (turns) power += dot(forces.torque[i], motion.spin(i));
+    total.energy[PAIR_WORK] += length * power;
   }
 }
 
@@ -197,7 +265,11 @@ double FixBlastLosses::compute_vector(int channel)
 
 double FixBlastLosses::memory_usage()
 {
-  return static_cast<double>((pair_force.capacity() + pair_torque.capacity()) * sizeof(Vector3));
+  const size_t vectors = pair_forces.force.capacity() + pair_forces.torque.capacity() +
+                         pair_forces_at_beginning.force.capacity() +
+                         pair_forces_at_beginning.torque.capacity();
+  return static_cast<double>(vectors * sizeof(Vector3) +
+                             contacts_at_beginning.capacity() * sizeof(Contact));
 }
 
 void FixBlastLosses::write_restart(FILE *fp)

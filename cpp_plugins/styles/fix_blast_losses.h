@@ -6,6 +6,7 @@
 #define BLAST_STYLES_FIX_BLAST_LOSSES_H
 
 #include "energy_tally.h"
+#include "pair_blast_contact.h"
 #include "vector3.h"
 
 #include "fix.h"
@@ -30,10 +31,24 @@ public:
   void write_restart(FILE *) override;
   void restart(char *) override;
 
+  // For fix nve/implicit, which takes steps of its own and tells of each: between the two calls no
+  // atom may change its place. Velocities and spins are the means over the step, three numbers an
+  // atom; `new_part` is the part of the step in which the forces of the last evaluation act, those
+  // at the beginning act in the rest.
+  void begin_step();
+  void count_step(double step, double new_part, const double *velocity, const double *spin);
+
 private:
   enum Channel { DAMPING, FRICTION, BOND_FRICTION, BOND_FORMATION, PAIR_WORK, CHANNELS };
 
   using Tally = EnergyTally<CHANNELS>;
+
+  using Contacts = std::vector<Contact>;
+
+  // Of all pair styles together, by local index.
+  struct PairForces {
+    std::vector<blast::Vector3> force, torque;
+  };
 
   // A change of velocities by the present forces: how long it takes, and how far ahead of the
   // present velocities its middle lies (behind, where negative), both in s.
@@ -44,22 +59,26 @@ private:
   Kick opening_kick() const;
 
   void count(const Kick &, Tally &) const;
-  void count_contacts(const Kick &, Tally &) const;
-  void count_pair_forces(const Kick &, Tally &) const;
+  template <class Motion>
+  void count_contacts(const Contacts &, double length, const Motion &, Tally &) const;
+  template <class Motion>
+  void count_pair_forces(const PairForces &, double length, const Motion &, Tally &) const;
+  template <class Motion> void count_new_bonds(double length, const Motion &);
   void count_formation();
   void close_step();
   Tally counted_by_now() const;
-  blast::Vector3 mean_velocity(int i, double middle) const;
-  blast::Vector3 mean_spin(int i, double middle) const;
 
-  class PairBlastContact *pair = nullptr;
+  PairBlastContact *pair = nullptr;
   bool counts_pair_work = false;
-  bool turns = false; // whether particles have spins and torques
+  bool is_told = false; // of steps, by fix nve/implicit
+  bool turns = false;   // whether particles have spins and torques
   // Length of the last step, where the kick that ended it is not counted yet, else zero.
   double closing_due = 0.0;
   double heat_counted = 0.0; // of the pair style's formation heat
   Tally tally;
-  std::vector<blast::Vector3> pair_force, pair_torque; // of the last evaluation, by local index
+  PairForces pair_forces; // of the last evaluation
+  PairForces pair_forces_at_beginning;
+  Contacts contacts_at_beginning;
 };
 
 } // namespace LAMMPS_NS

@@ -43,18 +43,7 @@ void FixLorentzDrag::setup(int vflag)
 
 void FixLorentzDrag::post_force(int /*vflag*/)
 {
-  const int nlocal = atom->nlocal;
-  const bool magnetised = fields.magnetic_strength > 0.0;
-  drag.assign(nlocal, Vector3());
-  magnetic.assign(nlocal, Vector3());
-
-  for (int i = 0; i < nlocal; i++) {
-    if (!(atom->mask[i] & groupbit)) continue;
-    const Vector3 velocity(atom->v[i]);
-    drag[i] = drag_force(fields.medium, atom->radius[i], velocity);
-    if (magnetised) magnetic[i] = magnetic_force(atom->q[i], velocity, fields.magnetic);
-    (Vector3(atom->f[i]) + drag[i] + magnetic[i]).store(atom->f[i]);
-  }
+  forces.add(fields, *atom, groupbit);
 }
 
 // After the first and after the second half kick of a velocity-Verlet step the velocity has just
@@ -79,8 +68,8 @@ void FixLorentzDrag::tally_half_kick()
     if (!(atom->mask[i] & groupbit)) continue;
     const Vector3 mean_velocity =
         Vector3(atom->v[i]) - (0.5 * half_step / atom->rmass[i]) * Vector3(atom->f[i]);
-    tally.energy[DRAG_WORK] += half_step * dot(drag[i], mean_velocity);
-    tally.energy[MAGNETIC_WORK] += half_step * dot(magnetic[i], mean_velocity);
+    tally.energy[DRAG_WORK] += half_step * dot(forces.drag[i], mean_velocity);
+    tally.energy[MAGNETIC_WORK] += half_step * dot(forces.magnetic[i], mean_velocity);
   }
 }
 
@@ -91,7 +80,7 @@ double FixLorentzDrag::compute_vector(int channel)
 
 double FixLorentzDrag::memory_usage()
 {
-  return static_cast<double>((drag.capacity() + magnetic.capacity()) * sizeof(Vector3));
+  return forces.memory_usage();
 }
 
 void FixLorentzDrag::write_restart(FILE *fp)

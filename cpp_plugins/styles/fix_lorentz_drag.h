@@ -8,8 +8,6 @@
 #include "external_fields.h"
 #include "fix.h"
 
-#include <vector>
-
 namespace LAMMPS_NS {
 
 class FixLorentzDrag : public Fix {
@@ -32,8 +30,7 @@ private:
 
   ExternalFields fields;
   FieldWorkTally tally;
-  // Forces of the last evaluation, by local index: read again before atoms move between ranks.
-  std::vector<blast::Vector3> drag, magnetic;
+  ExternalForces forces;
 };
 
 } // namespace LAMMPS_NS

@@ -156,6 +156,7 @@ ContactLaw PairBlastContact::law_of_words(int narg, char **arg)
 
 void PairBlastContact::init_style()
 {
+  is_trial = false;
   if (strcmp(update->unit_style, "si") != 0) error->all(FLERR, "{} requires units si", STYLE);
   if (!atom->radius_flag) error->all(FLERR, "{} requires atom attribute radius", STYLE);
   if (rotation && (!atom->omega_flag || !atom->torque_flag))
@@ -230,7 +231,7 @@ void PairBlastContact::compute(int eflag, int vflag)
   deepest = DeepestContact();
 
   // A pair may part unseen between two builds of the list; a new one holds all that touch.
-  const bool reviews_bonds = bonds && neighbor->ago == 0;
+  const bool reviews_bonds = bonds && neighbor->ago == 0 && !is_trial;
   if (reviews_bonds) bonds->begin_review();
 
   double **x = atom->x;
@@ -243,14 +244,14 @@ void PairBlastContact::compute(int eflag, int vflag)
     const Vector3 position(x[i]);
     const double radius_i = radius[i];
     const ContactLaw *laws_of_i = &law(type[i], 0);
-    const bool had_bonds = bonds && bonds->has_any(i);
+    const bool may_part = bonds && !is_trial && bonds->has_any(i);
     const int *neighbours = list->firstneigh[i];
     for (int jj = 0; jj < count; jj++) {
       const int j = neighbours[jj] & NEIGHMASK;
       const Vector3 offset = Vector3(x[j]) - position;
       const double square = dot(offset, offset), reach = radius_i + radius[j];
       if (square > reach * reach) {
-        if (had_bonds) separate(i, j);
+        if (may_part) separate(i, j);
         continue;
       }
       if (square == 0.0) stop_at_coincidence(i, j);
@@ -312,9 +313,10 @@ void PairBlastContact::decide_bond(Contact &contact, const ContactLaw &law)
   const bool was_bonded = bonds && bonds->had(i, tag[j]);
   contact.bonded = is_bonded(law.bond, contact.strain, was_bonded);
   if (!contact.bonded || !law.bond.lasts) return;
+  contact.has_just_bonded = !was_bonded;
+  if (is_trial) return;
   bonds->form(i, tag[j]);
   if (j < atom->nlocal) bonds->form(j, tag[i]);
-  contact.has_just_bonded = !was_bonded;
   if (!was_bonded) formation_heat -= share(contact) * bond_energy(contact, law);
 }
 
@@ -334,7 +336,7 @@ void PairBlastContact::add_forces(const Contact &contact)
   if (owns_j) (Vector3(atom->f[j]) - force).store(atom->f[j]);
   if (!rotation) return;
 
-  const Vector3 turning = cross(contact.normal, force);
+  const Vector3 turning = cross(contact.normal, contact.tangential_force_on_i());
   (Vector3(atom->torque[i]) + contact.arm_i * turning).store(atom->torque[i]);
   if (owns_j) (Vector3(atom->torque[j]) + contact.arm_j * turning).store(atom->torque[j]);
 }

@@ -44,9 +44,11 @@ struct Contact {
   bool has_just_bonded = false;   // with a bond that lasts
   blast::Vector3 normal, tangent; // n_ij and tau_ij
 
+  blast::Vector3 tangential_force_on_i() const { return (friction + bond_friction) * tangent; }
+
   blast::Vector3 force_on_i() const
   {
-    return (bond + damping - elastic) * normal + (friction + bond_friction) * tangent;
+    return (bond + damping - elastic) * normal + tangential_force_on_i();
   }
 };
 
@@ -72,6 +74,9 @@ public:
   // From now on the contacts of every force computation stay at hand until the next.
   void keep_contacts() { keeps_contacts = true; }
   const std::vector<Contact> &kept_contacts() const { return contacts; }
+
+  // While an integrator only tries positions, bonds act as they would there, but stay as they are.
+  void set_trial(bool is_trial_) { is_trial = is_trial_; }
 
   // Which part of a contact is this rank's: a half where another rank owns j.
   double share(const Contact &contact) const;
@@ -105,6 +110,7 @@ private:
 
   bool rotation = false;
   bool keeps_contacts = false;
+  bool is_trial = false;
   int types = 0;
   std::vector<ContactLaw> laws;
   std::vector<double> largest_radius; // by type

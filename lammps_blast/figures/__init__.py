@@ -9,8 +9,9 @@ No formula of physics stands here: what is expected comes from :mod:`lammps_blas
 :mod:`lammps_blast.interactions`.
 
 The figures are drawn by `cloud`, `velocities`, `semi_axes` and `energy` and, of particles that
-interact, by `clumps`, `contacts`, `pair_distances` and `pair_histories`; `scene` holds what is
-drawn in space, `sampling` what frames can show of a gyration, `style` the looks and the panels.
+interact, by `clumps`, `contacts`, `pair_distances` and `pair_histories`, the steps of an adaptive
+integrator by `steps`; `scene` holds what is drawn in space, `sampling` what frames can show of a
+gyration, `style` the looks and the panels.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from lammps_blast.figures.energy import energy_figure
 from lammps_blast.figures.pair_distances import pair_distance_figure
 from lammps_blast.figures.pair_histories import pair_history_figure
 from lammps_blast.figures.semi_axes import semi_axis_figure
+from lammps_blast.figures.steps import step_figure
 from lammps_blast.figures.style import STYLE
 from lammps_blast.figures.velocities import velocity_figure
 
@@ -47,6 +49,7 @@ __all__ = [
     "pair_distance_figure",
     "pair_history_figure",
     "semi_axis_figure",
+    "step_figure",
     "velocity_figure",
 ]
 
@@ -60,7 +63,7 @@ def draw_figures(analyses: Analyses, folder: Path) -> None:
     particles; `velocities.png` where the dump has velocities; `energy.png` where it has them or
     there is an energy table; `clumps.png`, `clump_statistics.png` and
     `pair_distances.png` of particles that interact; if any of them ever touch `contacts.png`, and
-    `pair_histories.png` if they are few.
+    `pair_histories.png` if they are few; `steps.png` where an integrator adapted its steps.
 
     Raises
     ------
@@ -83,6 +86,8 @@ def draw_figures(analyses: Analyses, folder: Path) -> None:
         figures["pair_distances"] = pair_distance_figure
     if analyses.histories and len(analyses.histories.results.pairs):
         figures["pair_histories"] = pair_history_figure
+    if analyses.steps:
+        figures["steps"] = step_figure
     for name, figure in figures.items():
         _save(figure(analyses), folder / f"{name}.png")
 

@@ -111,7 +111,7 @@ def _interaction_figure(analyses: Analyses, ledger: EnergyLedger) -> Figure:
     rest = iter(panels)
     _draw_changes(next(rest), seconds, changes, joined, "since launch")
     if potentials:
-        _draw_changes(next(rest), seconds, potentials, joined, "potential")
+        _draw_changes(next(rest), seconds, potentials, joined, "potential, change")
     if losses:
         _draw_losses(next(rest), seconds, losses, joined)
     _draw_errors(next(rest), seconds, ledger, analyses.checks.get("energy_ledger"))

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from MDAnalysis.analysis.results import Results
 
 from lammps_blast.analysis import SpheroidTheory
 from lammps_blast.figures.sampling import Sampling
@@ -28,6 +29,10 @@ if TYPE_CHECKING:
     from lammps_blast.analyze import Analyses
 
 
+# Part of the cloud's radius that particles are off a fit, on average, which then says little.
+POOR_FIT = 0.1
+
+
 @rc_context(STYLE)
 def semi_axis_figure(analyses: Analyses) -> Figure:
     """Draw the semi-axes of the envelope against time, and how far they are from exact."""
@@ -44,10 +49,20 @@ def _remarks(analyses: Analyses) -> Iterator[str]:
     sampling = Sampling.of(analyses)
     if not isinstance(analyses.expected, SpheroidTheory):
         yield f"no exact spheroid: {analyses.expected}"
-    if np.isnan(analyses.envelope.results.semi_axis_parallel).all():
+    results = analyses.envelope.results
+    if np.isnan(results.semi_axis_parallel).all():
         yield "too few particles for a fit"
+    elif (off := _worst_fit(results)) > POOR_FIT:
+        yield f"particles are up to {off:.0%} of the cloud's radius off the fit (rms): no spheroid"
     if not sampling.resolved:
         yield sampling.warning
+
+
+def _worst_fit(results: Results) -> float:
+    """Return the largest rms distance of particles from the fit, over the cloud's radius."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        parts = results.fit_residual_rms / results.blast_radius
+    return float(np.max(parts, initial=0.0, where=np.isfinite(parts)))
 
 
 def _draw_semi_axes(along: Axes, across: Axes, analyses: Analyses, clock: Unit) -> None:

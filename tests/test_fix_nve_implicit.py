@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from conftest import SYSTEM, lmp, make_particles
+from test_fix_blast_losses import colliding_cloud
 from test_pair_blast_contact import Law, evaluate
 
 from lammps_blast.deck import write_particle_data
@@ -567,19 +568,6 @@ def test_forces_after_a_step_are_those_of_the_accepted_state(simulate):
     assert simulation.per_atom("torque") == pytest.approx(forces[1], abs=1e-10 * largest)
 
 
-def rushing_cloud():
-    """Return 64 charged, turning spheres that rush together and part again."""
-    rng = np.random.default_rng(31)
-    lattice = np.stack(np.unravel_index(np.arange(64), (4, 4, 4)), axis=1) * 0.115 - 0.1725
-    return make_particles(
-        lattice + rng.uniform(-0.005, 0.005, lattice.shape),
-        velocity=0.5 * rng.normal(size=lattice.shape) - 6 * lattice,
-        spin=10 * rng.normal(size=lattice.shape),
-        radius=0.05 * np.exp(rng.uniform(-0.1, 0.1, 64)),
-        charge=rng.choice([-10.0, 10.0], 64),
-    )
-
-
 CLOUD_SCHEME = "iterations 4 tolerance 1e-6 first_step 1e-5 max_step 1e-3 safety 0.95"
 CLOUD_FIELDS = "magnetic 3 -6 7 drag chow density 100 viscosity 0.1"
 
@@ -615,7 +603,7 @@ $(f_losses[1]:%.17g) $(f_losses[2]:%.17g) $(f_losses[4]:%.17g) $(c_pair[4])" app
 
 def run_cloud(folder, deck, ranks=1):
     folder.mkdir(exist_ok=True)
-    write_particle_data(rushing_cloud(), folder / "particles.data")
+    write_particle_data(colliding_cloud(), folder / "particles.data")
     (folder / "in.deck").write_text(deck)
     done = lmp("-in", "in.deck", "-log", "none", folder=folder, ranks=ranks)
     assert done.returncode == 0, done.stdout + done.stderr

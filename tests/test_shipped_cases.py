@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from lammps_blast import theory
 from lammps_blast.analysis import EnergyLedger
 from lammps_blast.analyze import analyze, summarize
-from lammps_blast.case import Medium, load_case
+from lammps_blast.case import Medium, load_case, parse_case
 from lammps_blast.contacts import ContactFrames
 from lammps_blast.deck import CONTACT_TABLE, ENERGY_ACCOUNTS, ENERGY_TABLE, write_deck
 from lammps_blast.particles import create_particles
@@ -424,6 +424,38 @@ def test_conservative_forces_keep_the_energy_to_second_order(
     ]
     assert drifts[0] < limit
     assert drifts[0] / drifts[1] == pytest.approx(4.0, rel=0.25)
+
+
+@pytest.mark.parametrize("name", ["contact_blast", "near_field_blast"])
+def test_small_adaptive_steps_end_where_small_exact_ones_do(tmp_path, name):
+    """Section 9 before chaos sets in, without friction, which depends on the step.
+
+    And with a near field that ends smoothly: a jump makes any step of first order.
+    """
+    case = load_case(INPUTS / name / "case.yaml").model_dump(mode="json")
+    case["contact"]["friction"] = None
+    if case["near_field"]:
+        case["near_field"]["switch_width"] = 0.02
+    case["particles"]["packing"]["relax"] = False
+    case["output"] = {"interval": 0.03, "format": "binary"}
+    scheme = {"max_step": 2e-5, "tolerance": 1e-8, "solve_fields": True}
+    ends = {}
+    for integrator, step in (("lorentz", 2e-6), ("implicit", 2e-5)):
+        case["time"] = {"duration": 0.03, "step": step, "integrator": integrator}
+        case["time"]["implicit"] = scheme
+        folder = tmp_path / integrator
+        folder.mkdir()
+        run = parse_case(case, folder)
+        write_deck(run, create_particles(run), folder)
+        done = lmp("-in", "in.blast", folder=folder)
+        assert done.returncode == 0, done.stdout
+        frames = open_universe(folder).trajectory
+        start, end = (frames[k].data["position"].copy() for k in (0, -1))
+        ends[integrator] = end
+    assert EnergyLedger.read(folder / ENERGY_TABLE).contact_loss[-1] > 0.01
+    moved = np.sqrt(np.mean((end - start) ** 2))
+    off = np.sqrt(np.mean((ends["implicit"] - ends["lorentz"]) ** 2))
+    assert off < 2e-6 * moved
 
 
 @pytest.mark.slow

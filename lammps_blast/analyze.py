@@ -36,7 +36,14 @@ from lammps_blast.analysis import (
 from lammps_blast.case import Case, CaseError, Contact, load_case
 from lammps_blast.clumps import CLUMP_NUMBERS, Clumps, PairDistances
 from lammps_blast.contacts import CONTACT_NUMBERS, ContactFrames, Contacts, close_pairs
-from lammps_blast.deck import CASE, CONTACT_TABLE, ENERGY_ACCOUNTS, ENERGY_TABLE, STEP_TABLE
+from lammps_blast.deck import (
+    CASE,
+    CONTACT_TABLE,
+    ENERGY_ACCOUNTS,
+    ENERGY_TABLE,
+    STEP_TABLE,
+    counted,
+)
 from lammps_blast.engine import LOG
 from lammps_blast.pair_histories import FEW_PARTICLES, PairHistories
 from lammps_blast.relaxation import RelaxationReport
@@ -73,6 +80,8 @@ INTERACTING_LEDGER_LIMIT = 1e-3
 STOCK_CONTACT_LIMIT = 0.01
 MAGNETIC_WORK_LIMIT = 1e-6
 SPHEROID_LIMIT = 1e-6
+# Steps that adapt are as long as their tolerance lets them be.
+ADAPTED_STEPS_LIMIT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -220,9 +229,10 @@ def _checks(
     case: Case | None,
 ) -> dict[str, Check]:
     checks = {}
+    least_limit = ADAPTED_STEPS_LIMIT if case and case.time.integrator == "implicit" else 0.0
 
     def add(name: str, value: float, limit: float) -> None:
-        checks[name] = Check(value, max(limit, _solved_to(case)))
+        checks[name] = Check(value, max(limit, least_limit))
 
     if ledger and (scale := ledger.turnover) > 0.0:
         if case and case.contact and case.contact.is_stock:
@@ -257,13 +267,6 @@ def _reserve(universe: Universe, contact: Contact) -> float:
     if "radius" not in start:
         return 0.0
     return energy_reserve(contact, start["position"], start["radius"])
-
-
-def _solved_to(case: Case | None) -> float:
-    """Return the tolerance to which steps are solved for: no run can be held to less."""
-    if case is None or case.time.integrator != "implicit" or case.time.implicit is None:
-        return 0.0
-    return case.time.implicit.tolerance
 
 
 def _largest(values: np.ndarray) -> float:
@@ -338,7 +341,7 @@ def _integration_summary(analyses: Analyses) -> dict[str, Any] | None:
         return {
             "integrator": "implicit",
             "shortest_step": float(history.step.min()),
-            "longest_step": float(history.step.max()),
+            "longest_step": _longest_step(history, case),
             "most_corrections": int(history.corrections.max()),
             "restarts": int(history.restarts[-1]),
             "force_evaluations": int(history.evaluations[-1]),
@@ -353,6 +356,14 @@ def _integration_summary(analyses: Analyses) -> dict[str, Any] | None:
         "force_evaluations": _step_count(analyses),
         "evaluations_per_second": 1.0 / case.time.step,
     }
+
+
+def _longest_step(history: StepHistory, case: Case | None) -> float:
+    """Return the longest step; one that fills its interval exceeds the limit by rounding."""
+    longest = float(history.step.max())
+    if case is None or case.time.implicit is None:
+        return longest
+    return min(longest, case.time.longest_step)
 
 
 def is_complete(analyses: Analyses) -> bool | None:
@@ -513,7 +524,8 @@ def report(summary: Mapping[str, Any]) -> str:
     """Return a few lines for people: what became of the cloud, and which checks failed."""
     envelope, energy = summary["envelope"], summary["energy"]
     lines = [
-        f"{summary['name']}: {summary['particles']} particles, {summary['frames']} frames,"
+        f"{summary['name']}: {counted(summary['particles'], 'particle')},"
+        f" {counted(summary['frames'], 'frame')},"
         f" {summary['duration']:.4g} s",
         f"  outermost particles: {envelope['extent_parallel']:.6g} m along {summary['axis']},"
         f" {envelope['extent_perpendicular']:.6g} m across",
@@ -532,7 +544,7 @@ def report(summary: Mapping[str, Any]) -> str:
         lines.append(f"  no exact spheroid to compare with: {envelope['no_theory_because']}")
     if "relaxation" in summary:
         steps = summary["relaxation"]["steps"]
-        lines.insert(1, f"  packing relaxed in {steps} steps, no overlap is left")
+        lines.insert(1, f"  packing relaxed in {counted(steps, 'step')}, no overlap is left")
     lines += _clump_report(summary)
     lines += _integration_report(summary)
     for name, check in summary["checks"].items():
@@ -551,15 +563,15 @@ def _clump_report(summary: Mapping[str, Any]) -> list[str]:
         return []
     clumps, contacts = summary["clumps"], summary["contacts"]
     pieces = (
-        f"  {clumps['pieces_first']} pieces -> {clumps['pieces_last']},"
+        f"  {counted(clumps['pieces_first'], 'piece')} -> {clumps['pieces_last']},"
         f" {clumps['clumps']} of them clumps of two or more"
     )
     if clumps["largest"] is not None:
-        pieces += f"; the largest holds {clumps['largest']} particles"
+        pieces += f"; the largest holds {counted(clumps['largest'], 'particle')}"
     if contacts["first"] is None or contacts["last"] is None:
         return [pieces]
     touching = (
-        f"  {contacts['first']} contacts -> {contacts['last']},"
+        f"  {counted(contacts['first'], 'contact')} -> {contacts['last']},"
         f" at most {contacts['most']}; largest strain {contacts['largest_strain']:.3g}"
     )
     return [pieces, touching]
@@ -570,8 +582,8 @@ def _integration_report(summary: Mapping[str, Any]) -> list[str]:
     if integration is None or integration["integrator"] != "implicit":
         return []
     return [
-        f"  {summary['steps']} steps of {integration['shortest_step']:.3g} to"
-        f" {integration['longest_step']:.3g} s, {integration['restarts']} restarts,"
+        f"  {counted(summary['steps'], 'step')} of {integration['shortest_step']:.3g} to"
+        f" {integration['longest_step']:.3g} s, {counted(integration['restarts'], 'restart')},"
         f" {integration['evaluations_per_second']:,.0f} force evaluations per simulated second"
     ]
 

@@ -44,6 +44,12 @@ MAX_STEPS = 2**31 - 1
 # A duration is a whole number of steps when it misses one by less than this part of itself.
 WHOLE_STEPS_TOLERANCE = 1e-6
 
+# How far from the number wanted a default interval is looked for that divides the duration.
+DIVISORS_TRIED = 10_000
+# With `integrator: implicit` LAMMPS's own steps hold at most so many of the longest ones: it looks
+# for interruptions, and tells how far it is, only between them.
+MOST_STEPS_WITHIN = 100
+
 # No quantity in SI units is beyond these; past them products leave the range of doubles.
 SMALLEST_SIZE, LARGEST_SIZE = 1e-100, 1e100
 
@@ -541,11 +547,18 @@ class Implicit(_Section):
             raise ValueError(f"must be at most max_step, {largest!r}")
         return first
 
-    def resolved(self, step: float) -> Implicit:
+    def resolved(self, step: float, duration: float) -> Implicit:
         """Return the section with its steps as numbers: where none is given, `step` (s)."""
-        longest = self.max_step or max(step, self.first_step or 0.0)
-        steps = {"max_step": longest, "first_step": self.first_step or longest}
-        return self.model_copy(update=steps)
+        longest = self.max_step or step
+        first = self.first_step or longest
+        if first > longest:
+            text = f"must be at most `time.step`, the max_step, {longest!r}, got {first!r}"
+            raise _InconsistentError((("first_step",), text))
+        if duration / longest > MAX_STEPS:
+            least = duration / MAX_STEPS
+            text = f"must be at least {least:.3g}, for at most {MAX_STEPS} steps, got {longest!r}"
+            raise _InconsistentError((("max_step",), text))
+        return self.model_copy(update={"max_step": longest, "first_step": first})
 
 
 class Time(_Section):
@@ -579,9 +592,9 @@ class Time(_Section):
     def _steps_of_the_scheme(
         cls, implicit: Implicit | None, info: ValidationInfo
     ) -> Implicit | None:
-        step = info.data.get("step")
-        if info.data.get("integrator") == "implicit" and step is not None:
-            return (implicit or Implicit()).resolved(step)
+        step, duration = info.data.get("step"), info.data.get("duration")
+        if info.data.get("integrator") == "implicit" and step and duration:
+            return (implicit or Implicit()).resolved(step, duration)
         return implicit
 
     @field_validator("step")
@@ -680,8 +693,9 @@ class Case(_Section):
     def timestep(self) -> float:
         """Length in s of a time step of LAMMPS.
 
-        It is `time.step` or, with `integrator: implicit`, which takes steps of its own within, the
-        longest time of which the duration and the intervals of output are whole numbers.
+        It is `time.step`. With `integrator: implicit`, which takes steps of its own within, it is
+        the longest time of which the duration and the intervals of output are whole numbers, or a
+        part of it that holds at most `MOST_STEPS_WITHIN` of the longest steps.
         """
         time, output = self.time, self.output
         assert output.interval is not None  # resolved when `output` was checked
@@ -690,7 +704,8 @@ class Case(_Section):
             return time.step
         lengths = (time.duration, output.interval, min(output.restart_interval, time.duration))
         whole = math.gcd(*(round(length / time.step) for length in lengths))
-        return time.duration / (time.steps // whole)
+        pieces = math.ceil(whole * time.step / (MOST_STEPS_WITHIN * time.longest_step) - 1e-9)
+        return time.duration / (time.steps // whole * max(pieces, 1))
 
     @property
     def timesteps(self) -> int:
@@ -774,9 +789,11 @@ def _lacks_law_zohdi(info: ValidationInfo) -> bool:
 
 def _with_intervals(output: Output, time: Time) -> tuple[Output, list[_Problem]]:
     """Return `output` with its intervals resolved to numbers, and what is wrong with them."""
+    interval = output.interval or _in_steps(_part_of(time.steps, 100), time)
+    frames = max(1, round(0.1 * time.duration / interval))
     intervals = {
-        "interval": output.interval or _part_of(time, 100),
-        "restart_interval": output.restart_interval or _part_of(time, 10),
+        "interval": interval,
+        "restart_interval": output.restart_interval or float(f"{frames * interval:.12g}"),
     }
     problems: list[_Problem] = [
         ((key,), f"must be a whole number of steps of {time.step!r}, got {interval!r}")
@@ -798,11 +815,19 @@ def _whole_steps(length: float, step: float) -> int | None:
     return steps if abs(steps - ratio) <= WHOLE_STEPS_TOLERANCE * ratio else None
 
 
-def _part_of(time: Time, parts: int) -> float:
-    """Return the duration over a number of parts, rounded to whole steps and at least one."""
-    interval = max(1, round(time.steps / parts)) * time.step
-    # 0.01, and not the 0.010000000000000002 that the product may give.
-    return float(f"{interval:.12g}")
+def _part_of(steps: int, parts: int) -> int:
+    """Return about so many steps as go into a part, at least one; if it can be, a divisor."""
+    wanted = max(1, round(steps / parts))
+    for off in range(min(wanted // 2, DIVISORS_TRIED) + 1):
+        for part in (wanted + off, wanted - off):
+            if steps % part == 0:
+                return part
+    return wanted
+
+
+def _in_steps(steps: int, time: Time) -> float:
+    """Return a number of steps in s: 0.01, and not the 0.010000000000000002 of the product."""
+    return float(f"{steps * time.step:.12g}")
 
 
 def load_case(path: Path) -> Case:

@@ -6,8 +6,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lammps_blast import interactions
-from lammps_blast.case import Bond, Case, CaseError, Contact, NearField
+from lammps_blast import interactions, theory
+from lammps_blast.case import (
+    WHOLE_STEPS_TOLERANCE,
+    Bond,
+    Case,
+    CaseError,
+    Contact,
+    Implicit,
+    NearField,
+)
 from lammps_blast.interactions import LARGEST_STRAIN
 from lammps_blast.pairs import (
     PairKinds,
@@ -22,10 +30,14 @@ from lammps_blast.step_advice import (
     advised_step,
     expected_speed,
     expected_strain,
+    largest_velocity,
     step_key,
     step_warnings,
 )
 from lammps_blast.theory import Floats
+
+# Of the energy of gyration that a rule of time stepping may take or give in a run.
+LARGEST_GAIN = 1e-3
 
 
 def check_near_field(case: Case, particles: Particles) -> None:
@@ -91,7 +103,36 @@ def remarks(case: Case, particles: Particles) -> Iterator[str]:
 def case_warnings(case: Case, particles: Particles) -> Iterator[str]:
     """Yield what of a case is allowed, but hardly meant."""
     yield from step_warnings(case, particles)
+    if case.time.integrator == "implicit" and case.time.implicit is not None:
+        yield from _iteration_warnings(case, case.time.implicit, particles)
     yield from interaction_warnings(case, particles)
+
+
+def _iteration_warnings(case: Case, scheme: Implicit, particles: Particles) -> Iterator[str]:
+    longest = case.time.longest_step
+    if case.timestep < longest * (1.0 - WHOLE_STEPS_TOLERANCE):
+        yield (
+            f"time.implicit.max_step {longest:g} s is not reached: time.duration, output.interval "
+            f"and output.restart_interval are together whole numbers of {case.timestep:g} s only, "
+            "and steps are cut to end there; take intervals that are multiples of each other"
+        )
+    extent = float(np.abs(particles.position).max())
+    motion = largest_velocity(case, particles) * min(longest, case.timestep)
+    if motion > 0.0 and scheme.tolerance < (rounding := np.finfo(float).eps * extent / motion):
+        yield (
+            f"time.implicit.tolerance {scheme.tolerance:g} is below the rounding of positions, "
+            f"{rounding:.1g} of what a step moves them: steps may not converge"
+        )
+    omega = theory.cyclotron_frequency(particles.charge_per_mass, case.fields.magnetic)
+    angle = float(np.abs(omega).max()) * min(longest, case.timestep)
+    gain = float(theory.trapezoid_gyration_gain(scheme.phi, angle))
+    with np.errstate(over="ignore"):
+        overall = np.float64(gain) ** (case.time.duration / min(longest, case.timestep))
+    if abs(overall - 1.0) > LARGEST_GAIN:
+        yield (
+            f"time.implicit.phi {scheme.phi:g} multiplies the energy of gyration by {overall:.3g} "
+            f"over the run, in steps of max_step; 0.5 keeps it"
+        )
 
 
 def interaction_warnings(case: Case, particles: Particles) -> Iterator[str]:

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from lammps_blast.case import (
+    WHOLE_STEPS_TOLERANCE,
     Case,
     CaseError,
     Implicit,
@@ -38,7 +39,7 @@ from lammps_blast.pair_commands import (
 )
 from lammps_blast.particles import Particles, create_particles
 from lammps_blast.relaxation import relaxation_commands
-from lammps_blast.step_advice import advised_step
+from lammps_blast.step_advice import advised_step, largest_velocity
 from lammps_blast.stock_contacts import energy_reserve
 
 DECK = "in.blast"
@@ -60,6 +61,8 @@ SKIN_OF_CLOUD = 0.005
 # Parts of a usual diameter and of a near field's cutoff: wide enough that lists last for many
 # steps, narrow enough that they hold few pairs that feel nothing.
 SKIN_OF_CONTACT, SKIN_OF_CUTOFF = 0.2, 0.1
+# Ways of the longest step of an integrator that adapts them.
+SKIN_OF_STEPS = 6.0
 # So few particles are compared each with each: LAMMPS's bins fail when all lie in a plane.
 FEW_PARTICLES = 500
 
@@ -186,21 +189,34 @@ def deck_text(case: Case, particles: Particles) -> str:
     return "\n".join(block for block in blocks if block)
 
 
+def size_of(case: Case, particles: Particles) -> str:
+    """Return how many particles and steps a case has, or how long these are where they adapt."""
+    steps = counted(case.timesteps, "step")
+    if _adapts(case):
+        steps = f"steps of up to {case.time.longest_step:g} s"
+    return f"{counted(len(particles), 'particle')}, {steps}"
+
+
+def counted(number: int, what: str) -> str:
+    """Return a number of things in words, such as `1 particle` or `2 particles`."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
 def _header(case: Case) -> str:
     return f"""\
 # Case {case.name}, in SI units. To run it, with lammps-blast's plugin known to LAMMPS:
 #   lmp -in {DECK}        mpiexec -n 4 lmp -in {DECK}
 # A line "variable NAME index VALUE" is a default: `lmp -in {DECK} -var NAME OTHER` overrides it.
-# Duration and intervals are to be whole numbers of steps.{_about_steps(case)}
+# Duration and intervals are to be whole numbers of steps.{_remark_on_steps(case)}
 """
 
 
-def _about_steps(case: Case) -> str:
+def _remark_on_steps(case: Case) -> str:
     if not _adapts(case):
         return ""
     return """
-# A step of LAMMPS is the time from one output to the next. Within it fix nve/implicit takes as many
-# steps of its own as it needs, of first_step at first and none longer than max_step."""
+# Here step is a step of LAMMPS, within which fix nve/implicit takes as many of its own as it needs,
+# of first_step at first and none longer than max_step."""
 
 
 def _adapts(case: Case) -> bool:
@@ -223,15 +239,34 @@ def _settings(case: Case) -> str:
     if case.blast:
         settings = {"energy": case.blast.energy} | settings
     if _adapts(case):
-        settings |= {"first_step": _scheme(case).first_step, "max_step": case.time.longest_step}
+        settings |= {"max_step": case.time.longest_step, "first_step": _scheme(case).first_step}
         settings |= {"tolerance": _scheme(case).tolerance}
     lines = [f"variable {name} index {number(value)}" for name, value in settings.items()]
     lines += [
         "variable steps equal round(v_duration/v_step)",
         "variable output_every equal round(v_output_interval/v_step)",
         "variable restart_every equal round(v_restart_interval/v_step)",
+        *_refusal_of_broken_steps(),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _refusal_of_broken_steps() -> list[str]:
+    """Return commands that end LAMMPS where -var gave times that are no whole numbers of steps."""
+    misfits = [
+        f"(abs({count}*v_step-{length})>{WHOLE_STEPS_TOLERANCE}*{length})"
+        for count, length in (
+            ("v_steps", "v_duration"),
+            ("v_output_every", "v_output_interval"),
+            ("v_restart_every", "v_restart_interval"),
+        )
+    ]
+    return [
+        f"variable broken_steps equal {'||'.join(misfits)}",
+        'if "${broken_steps}" then &',
+        "  \"print 'ERROR: duration and intervals are no whole numbers of steps of ${step} s'\" &",
+        '  "quit 1"',
+    ]
 
 
 def system_commands(particles: Particles, data: str, case: Case | None = None) -> str:
@@ -264,7 +299,12 @@ neighbor {number(SKIN_OF_CLOUD * extent)} bin
 
 
 def _neighbours(particles: Particles, case: Case) -> str:
-    skin = SKIN_OF_CONTACT * 2.0 * float(np.median(particles.radius))
+    diameter = 2.0 * float(np.median(particles.radius))
+    skin = SKIN_OF_CONTACT * diameter
+    if _adapts(case):
+        # Steps are cut where a particle moves by half the skin: not by the motion of the launch.
+        way = case.time.longest_step * largest_velocity(case, particles)
+        skin = max(skin, min(SKIN_OF_STEPS * way, diameter))
     field = case.near_field
     cutoff = field.cutoff if field and field.cutoff != "all" else 0.0
     extent = float(np.ptp(particles.position, axis=0).max())
@@ -334,7 +374,8 @@ def _scheme_words(scheme: Implicit) -> str:
     fields = "solved" if scheme.solve_fields else "iterated"
     return (
         f"phi {number(scheme.phi)} iterations {scheme.iterations} tolerance ${{tolerance}}"
-        f" first_step ${{first_step}} max_step ${{max_step}} safety {number(scheme.safety)}"
+        " first_step $(ternary(v_first_step<v_max_step,v_first_step,v_max_step):%.17g)"
+        f" max_step ${{max_step}} safety {number(scheme.safety)}"
         f" fields {fields} anderson {scheme.anderson} file {STEP_TABLE}"
     )
 
@@ -557,7 +598,7 @@ def main(argv: list[str] | None = None) -> int:
         print(remark, file=sys.stderr)
     for warning in case_warnings(case, particles):
         print(f"WARNING: {warning}", file=sys.stderr)
-    print(f"{folder / DECK}: {len(particles)} particles, {case.timesteps} steps")
+    print(f"{folder / DECK}: {size_of(case, particles)}")
     return 0
 
 

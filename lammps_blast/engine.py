@@ -26,6 +26,8 @@ from lammps_blast.plugin_folder import require_plugin
 LOG = "log.lammps"
 INTERRUPTED_RESTART = RESTARTS[-1]
 
+STEP_KEYS = "time.step or, with integrator implicit, time.implicit.max_step"
+
 _POLL_SECONDS = 0.05
 _PLAIN_LINES = 10
 
@@ -63,6 +65,8 @@ def run_deck(folder: Path, steps: int, step: float, console: Console | None = No
         try:
             _watch(deck_run, steps, step, console)
         except KeyboardInterrupt:
+            if console is not None:
+                console.print("interrupted: stopping after this step of LAMMPS", highlight=False)
             deck_run.stop()
             deck_run.ended.wait()
     if deck_run.lammps_error is not None:
@@ -100,6 +104,11 @@ class _DeckRun:
         if counter is None or start is None:
             return self._last_count
         return counter.value if start.value >= 0.0 else 0
+
+    @property
+    def steps_behind(self) -> int:
+        """Steps that are over, while LAMMPS is in the next."""
+        return max(0, self.steps_done - 1)
 
     def stop(self) -> None:
         """Ask LAMMPS to end its run after the present step."""
@@ -206,9 +215,15 @@ def _advice(lammps_message: str) -> str:
             "the packing is too dense to come to rest: take a smaller particles.count or"
             " particles.radius, or a larger particles.packing.domain_radius",
         ),
-        ("neighbor bins", "particles flew far apart: try a smaller time.step"),
-        ("Lost atoms", "particles flew out of reach: try a smaller time.step"),
-        ("Non-numeric", "numbers overflowed: try a smaller time.step, and check the units"),
+        (
+            "no convergence",
+            "the forces change too fast for any step: check damping, stiffness and units; where"
+            " drag or magnetic field are that strong, set time.implicit.solve_fields: true",
+        ),
+        ("half the skin", "particles move too fast for any step: check strengths and units"),
+        ("neighbor bins", f"particles flew far apart: try smaller steps, {STEP_KEYS}"),
+        ("Lost atoms", f"particles flew out of reach: try smaller steps, {STEP_KEYS}"),
+        ("Non-numeric", f"numbers overflowed: try smaller steps, {STEP_KEYS}; check the units"),
     ):
         if sign in lammps_message:
             return advice
@@ -254,7 +269,7 @@ def _watch_with_bar(run: _DeckRun, steps: int, step: float, console: Console) ->
     with Progress(*columns, console=console, transient=True) as progress:
         task = progress.add_task("run", total=steps, report="")
         while not run.ended.wait(_POLL_SECONDS):
-            done = run.steps_done
+            done = run.steps_behind
             progress.update(task, completed=done, report=meter.report(done))
 
 
@@ -262,7 +277,7 @@ def _watch_with_lines(run: _DeckRun, steps: int, step: float, console: Console) 
     meter = _Meter(steps, step)
     next_line = steps / _PLAIN_LINES
     while not run.ended.wait(_POLL_SECONDS):
-        done = run.steps_done
+        done = run.steps_behind
         if next_line <= done < steps:
             console.print(meter.report(done), highlight=False)
             next_line += steps / _PLAIN_LINES * (1 + (done - next_line) // (steps / _PLAIN_LINES))
@@ -279,4 +294,4 @@ class _Meter:
         speed = done / (time.perf_counter() - self._started)
         left = f"{(self._steps - done) / speed:.0f} s left" if done else "starting"
         simulated = f"{done * self._step:.4g} of {self._steps * self._step:.4g} s"
-        return f"{simulated}, {speed:,.0f} steps/s, {left}"
+        return f"{simulated}, {speed:,.0f} steps of LAMMPS/s, {left}"

@@ -24,6 +24,7 @@ from lammps_blast.deck import (
     RESTARTS,
     STEP_TABLE,
     TRAJECTORIES,
+    size_of,
     write_deck,
     write_resolved_case,
 )
@@ -96,7 +97,7 @@ def run_case(
         write_deck(case, particles, folder)
     except OSError as error:
         raise FolderError(f"cannot write the run folder {folder}: {error}") from error
-    console.print(f"{case.name}: {len(particles)} particles, {_about_steps(case)} in {folder}")
+    console.print(f"{case.name}: {size_of(case, particles)} in {folder}")
     for remark in remarks(case, particles):
         console.print(remark, highlight=False, markup=False)
     warnings = Console(stderr=True)
@@ -106,12 +107,6 @@ def run_case(
     for warning in lammps_warnings(folder):
         warnings.print(warning, highlight=False, markup=False)
     return analyze_run(folder, figures=not options.no_figures)
-
-
-def _about_steps(case: Case) -> str:
-    if case.time.integrator == "implicit":
-        return f"steps of up to {case.time.longest_step:g} s"
-    return f"{case.timesteps} steps"
 
 
 def input_folders(case: Case) -> set[Path]:

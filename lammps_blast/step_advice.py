@@ -180,6 +180,11 @@ def launch_speed(case: Case, particles: Particles) -> float:
     return _pulse_speed(case, particles) + float(np.linalg.norm(own, axis=1).max())
 
 
+def largest_velocity(case: Case, particles: Particles) -> float:
+    """Return the speed in m/s that no particle exceeds right after the pulse, drift included."""
+    return _pulse_speed(case, particles) + float(np.linalg.norm(particles.velocity, axis=1).max())
+
+
 def expected_speed(case: Case, particles: Particles) -> float:
     """Return the speed in m/s at which particles are expected to meet others.
 

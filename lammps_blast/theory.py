@@ -113,6 +113,16 @@ def cyclotron_period(cyclotron_frequency: ArrayLike) -> Any:
     return _ratio(2.0 * np.pi, np.abs(cyclotron_frequency))
 
 
+def trapezoid_gyration_gain(phi: ArrayLike, angle: ArrayLike) -> Any:
+    """Factor that a step of the phi-trapezoid (eq. 8.1) puts on the energy of a gyration.
+
+    Its rule turns and stretches the velocity across B by (1 + i (1 - phi) a) / (1 - i phi a), where
+    `angle` is a = omega dt, in rad. One half alone keeps the energy.
+    """
+    phi, square = np.asarray(phi), np.square(angle)
+    return (1.0 + (1.0 - phi) ** 2 * square) / (1.0 + phi**2 * square)
+
+
 def lorentz_orbit(
     time: ArrayLike,
     position: ArrayLike,

@@ -168,6 +168,25 @@ def test_default_intervals_are_at_least_one_step() -> None:
     assert case.output.interval == 0.1
 
 
+@pytest.mark.parametrize(
+    ("steps", "output_every", "restart_every"),
+    [
+        (1000, 10, 100),
+        (973, 7, 14 * 7),  # of 7 and 139
+        (1024, 8, 13 * 8),
+        (997, 10, 100),  # a prime number
+        (150, 2, 8 * 2),
+        (149, 1, 15),
+    ],
+)
+def test_default_intervals_divide_the_duration_where_they_can(
+    steps: int, output_every: int, restart_every: int
+) -> None:
+    time = {"duration": 1e-4 * steps, "step": 1e-4}
+    case = parse_case(changed(MINIMAL, "time", time), FOLDER)
+    assert (case.output_every, case.restart_every) == (output_every, restart_every)
+
+
 @pytest.mark.parametrize("base", [MINIMAL, FROM_FILE])
 def test_particles_are_packed_or_from_a_file(base: dict[str, Any]) -> None:
     kind = ParticlesFromFile if base is FROM_FILE else PackedParticles
@@ -216,12 +235,32 @@ def test_implicit_steps_default_to_the_step_and_lammps_steps_to_the_output() -> 
     assert (case.timestep, case.timesteps) == (0.01, 100)
     assert (case.output_every, case.restart_every) == (1, 10)
 
-    time["implicit"] = {"first_step": 1e-3}
+    time["implicit"] = {"first_step": 1e-5}
     output = {"interval": 0.03, "restart_interval": 0.1}
     case = parse_case({**MINIMAL, "time": time, "output": output}, FOLDER)
-    assert case.time.longest_step == 1e-3
+    assert case.time.longest_step == 1e-4
     assert (case.timestep, case.timesteps) == (0.01, 100)
     assert (case.output_every, case.restart_every) == (3, 10)
+
+    # No step of LAMMPS holds more than a hundred, so that a run can be interrupted.
+    time["implicit"] = {"max_step": 1e-5}
+    case = parse_case({**MINIMAL, "time": time, "output": output}, FOLDER)
+    assert (case.timestep, case.timesteps) == (pytest.approx(1e-3), 1000)
+    assert (case.output_every, case.restart_every) == (30, 100)
+
+
+@pytest.mark.parametrize(
+    ("implicit", "message"),
+    [
+        ({"first_step": 1e-3}, "first_step: must be at most `time.step`, the max_step, 0.0001"),
+        ({"first_step": 1e-3, "max_step": 1e-4}, "first_step: must be at most max_step, 0.0001"),
+        ({"max_step": 1e-10}, "max_step: must be at least 4.66e-10, for at most 2147483647 steps"),
+    ],
+)
+def test_implicit_steps_must_fit_together(implicit: dict[str, float], message: str) -> None:
+    time = {"duration": 1, "step": 1e-4, "integrator": "implicit", "implicit": implicit}
+    (problem,) = problems_of({**MINIMAL, "time": time})
+    assert problem.startswith(f"time.implicit.{message}")
 
 
 @pytest.mark.parametrize("law", ["zohdi", "hooke", "hertz", "dmt", "jkr"])

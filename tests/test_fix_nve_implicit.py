@@ -13,7 +13,7 @@ from test_fix_blast_losses import colliding_cloud
 from test_pair_blast_contact import Law, evaluate
 
 from lammps_blast.deck import write_particle_data
-from lammps_blast.theory import DragLaw, drag_resistance
+from lammps_blast.theory import DragLaw, drag_resistance, trapezoid_gyration_gain
 
 ROUNDING = 1e-9  # by which a step may miss the end of an interval and still be taken for whole
 
@@ -432,6 +432,18 @@ def test_trapezoid_turns_velocities_by_its_own_angle_and_keeps_their_energy(simu
     assert simulation.position[0, 0] == pytest.approx(0.6 * step * steps, rel=1e-14)
 
 
+@pytest.mark.parametrize("phi", [0.0, 0.45, 0.6, 1.0])
+def test_other_phi_multiply_the_energy_of_gyration_as_theory_says(simulate, phi):
+    step, steps = 0.004, 50
+    particles = make_particles([0.0, 0, 0], velocity=[0.0, 1.0, 0.0])
+    scene = Scene(magnetic=(10.0, 0.0, 0.0))
+    scheme = replace(fixed(step, phi=phi), solved=True)
+    simulation = start_simulation(simulate, scene, scheme, particles, interval=step * steps)
+    simulation.commands("run 1")
+    gain = trapezoid_gyration_gain(phi, 100.0 * step) ** steps
+    assert np.sum(simulation.velocity**2) == pytest.approx(gain, rel=1e-11)
+
+
 def test_solved_fields_converge_where_iterated_ones_cannot(simulate, tmp_path):
     """The plain iteration contracts by omega dt/2, here 2: it has to shorten the step."""
     particles = make_particles([0.0, 0, 0], velocity=[0.6, 1.0, 0.0])
@@ -502,15 +514,41 @@ def energy_of(simulation):
     return sum(simulation.lammps.get_thermo(name) for name in ("ke", "pe"))
 
 
-@pytest.mark.parametrize("phi", [0.5, 1.0])
-@pytest.mark.parametrize("anderson", [0, 2])
-def test_every_joule_of_a_loosely_solved_run_has_its_account(simulate, phi, anderson):
+def test_ledger_with_bonds_that_form_is_second_order(simulate):
+    """Damping, friction and the heat of bonds included, and what new bonds do on the way there."""
+    scene = Scene(law=BONDING, near_field=(0.5, 1.0, 0.01, 2.0))
+    errors = []
+    for step in (4e-5, 2e-5, 1e-5):
+        simulation = start_simulation(
+            simulate, scene, fixed(step), colliding_particles(), 0.02,
+            "fix losses all blast/losses\ncompute turning all erotate/sphere",
+        )  # fmt: skip
+        simulation.commands("thermo_style custom step ke pe c_turning\nrun 0 post no")
+        lammps = simulation.lammps
+
+        def total(simulation=simulation, lammps=lammps):
+            lost = sum(lammps.extract_fix("losses", 0, 1, channel) for channel in range(4))
+            return energy_of(simulation) + lammps.extract_compute("turning", 0, 0) + lost
+
+        before = total()
+        simulation.commands("run 2")
+        errors.append(abs(total() - before))
+    assert lammps.extract_fix("losses", 0, 1, 3) > 0.1
+    assert errors[-1] < 5e-4
+    assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx([2, 2], abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("phi", "solved", "anderson"),
+    [(0.5, False, 0), (0.5, False, 2), (1.0, False, 0), (1.0, True, 2), (0.3, True, 0)],
+)
+def test_every_joule_of_a_loosely_solved_run_has_its_account(simulate, phi, solved, anderson):
     """The work of each force in the discrete motion, summed, is the change of kinetic energy.
 
     That of the electric field is taken from its potential, which is the same thing at phi = 1/2.
     """
     scene = EVERYTHING if phi == 0.5 else replace(EVERYTHING, electric=(0.0, 0.0, 0.0))
-    scheme = Scheme(phi=phi, tolerance=1e-2, max_step=2e-3, anderson=anderson)
+    scheme = Scheme(phi=phi, tolerance=1e-2, max_step=2e-3, anderson=anderson, solved=solved)
     simulation = start_simulation(
         simulate, scene, scheme, colliding_particles(), 0.02,
         "fix losses all blast/losses work yes\ncompute turning all erotate/sphere",
@@ -607,7 +645,7 @@ def run_cloud(folder, deck, ranks=1):
     (folder / "in.deck").write_text(deck)
     done = lmp("-in", "in.deck", "-log", "none", folder=folder, ranks=ranks)
     assert done.returncode == 0, done.stdout + done.stderr
-    steps = np.loadtxt(folder / "steps.csv", delimiter=",")
+    steps = np.loadtxt(folder / "steps.csv", delimiter=",", skiprows=1)
     ledger = np.loadtxt(folder / "ledger.txt")
     return steps, ledger, np.loadtxt(folder / "end.dump", skiprows=9)
 
@@ -645,6 +683,132 @@ def test_lists_that_do_not_reach_far_shorten_steps_but_change_nothing_else(tmp_p
         assert len(near[0]) > 1.5 * len(far[0])
         np.testing.assert_allclose(near[2][:, 1:4], far[2][:, 1:4], atol=1e-5)
         assert near[1][-1, -1] == far[1][-1, -1]
+
+
+def lattice_deck(skin):
+    """Return a deck of spheres in a periodic box, which a field throws forward for two steps.
+
+    Four steps cross an interval. The throw comes when lists are no longer fresh.
+    """
+    system = SYSTEM.replace("sort 0 0.0", "sort 1 0.0")
+    law = replace(BONDING, stiffness=1e6, bond=(1e5, 1.0, 0.01, 1e3))
+    return f"""
+        {system}
+        change_box all x final -0.21 0.21 y final -0.21 0.21 z final -0.21 0.21 boundary p p p
+        neighbor {skin} bin
+        neigh_modify every 1 delay 0 check yes
+        comm_modify cutoff 0.0 vel yes
+        timestep 2.0e-3
+        pair_style hybrid/overlay blast/contact rotation yes blast/nearfield 0.12 mass switch 0.05
+        pair_coeff * * blast/contact {law.words}
+        pair_coeff * * blast/nearfield 0.05 1 0.001 2
+        fix integrate all nve/implicit iterations 40 tolerance 1e-10 first_step 5e-4 max_step 5e-4 &
+          magnetic 0.3 -0.6 0.7 file steps.csv
+        variable thrown equal (abs(time-0.0035)<1e-6)-(abs(time-0.004)<1e-6)
+        variable push equal 12000*v_thrown
+        fix electric all efield v_push 0 0
+        compute pair all pair blast/contact
+        thermo_style custom step c_pair[4]
+        thermo_modify norm no
+        run 5
+        fix ledger all print 1 "$(f_integrate[2]) $(c_pair[4])" append ledger.txt title ""
+        run 0
+        write_dump all custom end.dump id xu yu zu vx vy vz omegax omegay omegaz fx fy fz &
+          modify sort id format float %.17g
+    """
+
+
+def drifting_lattice():
+    rng = np.random.default_rng(8)
+    place = np.stack(np.unravel_index(np.arange(64), (4, 4, 4)), axis=1) * 0.105 - [
+        0.1065,
+        0.1575,
+        0.1575,
+    ]
+    return make_particles(
+        place + rng.uniform(-0.002, 0.002, place.shape),
+        velocity=[1.0, 0.1, 0.0],
+        spin=5 * rng.normal(size=place.shape),
+        radius=0.0525 * np.exp(rng.uniform(-0.05, 0.05, 64)),
+        charge=1.0,
+    )
+
+
+def test_lists_that_prove_too_short_in_a_step_are_renewed_at_its_beginning(tmp_path):
+    """The step stays as long, and what it leads to the same.
+
+    Forces are evaluated twice more: at the beginning, and for the correction that led too far.
+    Particles cross the boundary meanwhile, and change their order.
+    """
+    ends = {}
+    for name, skin, ranks in (("far", 0.05, 1), ("near", 8.2e-3, 1), ("near too", 8.2e-3, 2)):
+        folder = tmp_path / name
+        folder.mkdir()
+        write_particle_data(drifting_lattice(), folder / "particles.data")
+        (folder / "in.deck").write_text(lattice_deck(skin))
+        done = lmp("-in", "in.deck", "-log", "none", folder=folder, ranks=ranks)
+        assert done.returncode == 0, done.stdout + done.stderr
+        ends[name] = steps_of(folder), np.loadtxt(folder / "end.dump", skiprows=9)
+    far, end = ends["far"]
+    assert np.abs(end[:, 1]).max() > 0.21  # beyond the box
+    for name in ("near", "near too"):
+        steps, state = ends[name]
+        np.testing.assert_allclose(steps["step"], far["step"], rtol=1e-9)
+        extra = np.diff(steps["evaluations"] - far["evaluations"], prepend=0)
+        assert list(np.flatnonzero(extra)) == [6]
+        assert extra[6] == 2
+        np.testing.assert_allclose(state[:, :10], end[:, :10], atol=1e-10)
+        np.testing.assert_allclose(
+            state[:, 10:], end[:, 10:], atol=1e-8 * np.abs(end[:, 10:]).max()
+        )
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_bonds_form_at_accepted_states_only(simulate, several):
+    """A long step presses two spheres beyond E* and is taken again, a shorter one does not."""
+    particles = make_particles(
+        [[-0.0495, 0, 0], [0.0495, 0, 0]], velocity=[[0.15, 0, 0], [-0.15, 0, 0]], charge=0.0
+    )
+    scene = Scene(law=Law(bond=(1e6, 1.0, 0.05, 0.0)), rotation=False)
+    scheme = Scheme(iterations=3, tolerance=1e-6, first_step=2e-2, max_step=2e-2)
+    run = reference_run(scene, scheme, particles, interval=0.02, intervals=1)
+    assert run.restarts > 0
+    simulation = simulate(particles)
+    commands = scene.pair_commands
+    if several:
+        commands = (
+            "pair_style hybrid/overlay blast/contact rotation no blast/contact rotation no\n"
+            f"pair_coeff * * blast/contact 1 {scene.law.words}\n"
+            "pair_coeff * * blast/contact 2 stiffness 1e-30 exponent 1"
+        )
+    simulation.commands(f"""
+        {SYSTEM_OF_PAIRS}
+        timestep 0.02
+        {commands}
+        fix integrate all nve/implicit {scheme.words} file steps.csv
+        run 1
+    """)
+    steps = steps_of(simulation.folder)
+    assert steps["evaluations"][-1] == run.evaluations - 1  # but for that after the last step
+    assert simulation.velocity == pytest.approx(run.v, abs=1e-8)
+
+
+def test_a_force_that_changes_in_time_is_that_of_the_state_it_acts_on(simulate):
+    """In whole and inner steps alike: the exact motion under E = sin(omega t)."""
+    omega, duration = 2 * np.pi / 0.1, 0.07
+    particles = make_particles([0.0, 0, 0], charge=10.0)
+    simulation = simulate(particles)
+    simulation.commands(f"""
+        timestep 0.01
+        variable field equal sin({omega!r}*time)
+        fix integrate all nve/implicit max_step 1.0e-4
+        fix electric all efield v_field 0 0
+        run 7
+    """)
+    speed = 10.0 / omega * (1 - np.cos(omega * duration))
+    place = 10.0 / omega * (duration - np.sin(omega * duration) / omega)
+    assert simulation.velocity[0, 0] == pytest.approx(speed, rel=1e-5)
+    assert simulation.position[0, 0] == pytest.approx(place, rel=1e-5)
 
 
 def test_resumed_run_goes_on_with_the_same_steps_bonds_and_accounts(tmp_path):
@@ -737,10 +901,77 @@ def test_lists_without_a_skin_end_the_run_with_a_word_of_it(simulate):
         simulation.commands("run 1")
 
 
-def test_a_state_that_is_no_number_ends_the_run(simulate):
+def test_after_an_error_the_clock_of_lammps_shows_intervals_again(simulate):
+    """Whoever catches the error and cures its cause goes on with whole intervals."""
+    particles = make_particles([[0.0, 0, 0], [0.0999, 0, 0]])
+    simulation = simulate(particles)
+    simulation.commands(f"""
+        {SYSTEM_OF_PAIRS}
+        timestep 0.01
+        pair_style blast/contact
+        pair_coeff * * stiffness 1e7 exponent 2 damping 1e40
+        fix integrate all nve/implicit max_step 1e-3
+    """)
+    with pytest.raises(Exception, match="no convergence"):
+        simulation.commands("run 10")
+    assert simulation.lammps.extract_global("dt") == 0.01
+    simulation.commands("pair_coeff * * stiffness 1e7 exponent 2 damping 10\nrun 2")
+    assert simulation.lammps.get_thermo("time") == pytest.approx(0.02)
+
+
+def test_a_step_history_begins_with_its_header_however_it_is_opened(simulate):
+    particles = make_particles([0.0, 0, 0], velocity=[1.0, 0, 0])
+    simulation = simulate(particles)
+    simulation.commands("""
+        timestep 0.01
+        fix integrate all nve/implicit max_step 1e-2 append steps.csv
+        run 2
+        unfix integrate
+        fix integrate all nve/implicit max_step 1e-2 append steps.csv
+        run 1
+    """)
+    assert steps_of(simulation.folder)["time"] == pytest.approx([0.01, 0.02, 0.03])
+    simulation.commands("unfix integrate")
+    with pytest.raises(Exception, match="Unknown"):
+        simulation.commands("fix integrate all nve/implicit max_step 1 file steps.csv wrong 1")
+    assert len(steps_of(simulation.folder)["time"]) == 3
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5])
+def test_a_state_that_is_no_number_ends_the_run(simulate, phi):
     particles = make_particles([[0.0, 0, 0]], velocity=[1e300, 1e300, 0])
-    simulation = start_simulation(simulate, FREE_FLIGHT, Scheme(), particles, interval=0.01)
+    simulation = start_simulation(simulate, FREE_FLIGHT, Scheme(phi=phi), particles, interval=0.01)
     with pytest.raises(Exception, match=r"no convergence: the error is -?(nan|inf)"):
+        simulation.commands("run 1")
+
+
+def test_steps_cut_by_the_reach_of_lists_are_told_of_once(tmp_path):
+    (tmp_path / "run").mkdir()
+    write_particle_data(colliding_cloud(), tmp_path / "run" / "particles.data")
+    (tmp_path / "run" / "in.deck").write_text(cloud_deck("run 5", skin=2e-4))
+    done = lmp("-in", "in.deck", "-log", "none", folder=tmp_path / "run")
+    text = " ".join(done.stdout.split())
+    assert text.count("Fix nve/implicit halves steps in which particles move beyond half") == 1
+    assert re.search(
+        r"skin of the neighbor lists, 0.0002 m, the first at time \S+ with \S+ s", text
+    )
+
+
+def test_watch_sees_every_step_within_an_interval(simulate):
+    """A sphere that a field throws through another in an inner step, and the advice is of it."""
+    particles = make_particles([[0.0, 0, 0], [3.0, 0, 0]], charge=[10.0, 0.0])
+    simulation = start_simulation(
+        simulate, ELASTIC, Scheme(first_step=1e-3, max_step=1e-3), particles, 0.1,
+        "fix watch all blast/watch 1",
+    )  # fmt: skip
+    simulation.commands("""
+        variable field equal 20000*(time<0.0015)
+        fix electric all efield v_field 0 0
+    """)
+    message = (
+        r"atom 1 moves by \S+ of its radius in a step at time 0.00[12].*try a smaller max_step"
+    )
+    with pytest.raises(Exception, match=message):
         simulation.commands("run 1")
 
 
@@ -759,6 +990,7 @@ BAD_COMMANDS = {
     f"{FIX} tolerance nan": "instead of 'nan'",
     f"{FIX} first_step 0": "first_step must be above zero: 0",
     f"{FIX} first_step 2e-4": "first_step must not be longer than max_step",
+    "timestep 1\nfix f all nve/implicit max_step 1e-10\nrun 1000": "max_step is below 1e-09 s",
     "fix f all nve/implicit max_step -1": "max_step must be above zero: -1",
     f"{FIX} safety 0": "safety must be above zero: 0",
     f"{FIX} safety 1.5": "safety must be at most 1: 1.5",

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from lammps_blast import interactions as ia
 from lammps_blast.case import CaseError, parse_case
-from lammps_blast.case_warnings import check_near_field, interaction_warnings
+from lammps_blast.case_warnings import case_warnings, check_near_field, interaction_warnings
 from lammps_blast.derived_numbers import derive_numbers
 from lammps_blast.interactions import NearFieldLaw
 from lammps_blast.pairs import pair_kinds
@@ -506,6 +506,40 @@ class TestStepAdvice:
         warnings = list(step_warnings(case, CLOUD))
         assert bool(warnings) == warned
         assert not warned or "of a gyration" in warnings[0]
+
+
+class TestIterationWarnings:
+    """What is said of the adaptive scheme before a run."""
+
+    def warnings(self, scheme, **changes):
+        time = {"duration": 1.0, "step": 1e-4, "integrator": "implicit", "implicit": scheme}
+        case = section_9(contact=None, time=time, **NOTHING_BUT_CONTACT | changes)
+        return [text for text in case_warnings(case, CLOUD) if text.startswith("time.implicit")]
+
+    def test_a_sound_case_gives_none(self):
+        assert self.warnings({}) == []
+
+    def test_intervals_that_have_little_in_common_cut_steps(self):
+        output = {"interval": 0.0333, "restart_interval": 0.0667}
+        (warning,) = self.warnings({"max_step": 1e-3}, output=output)
+        assert warning.startswith("time.implicit.max_step 0.001 s is not reached")
+        assert "whole numbers of 0.0001 s only" in warning
+
+    def test_a_tolerance_below_rounding(self):
+        (warning,) = self.warnings({"tolerance": 1e-13})
+        assert warning.startswith("time.implicit.tolerance 1e-13 is below the rounding of posit")
+        assert self.warnings({"tolerance": 1e-10}) == []
+
+    @pytest.mark.parametrize("phi", [0.45, 0.55])
+    def test_a_phi_that_feeds_or_damps_gyrations(self, phi):
+        """The factor is that of a thousand steps of the recursion."""
+        fields = {"magnetic": [0, 0, 5.0]}
+        angle = 50.0 * 1e-3
+        velocity = ((1 + 1j * (1 - phi) * angle) / (1 - 1j * phi * angle)) ** 1000
+        (warning,) = self.warnings({"phi": phi, "max_step": 1e-3}, fields=fields)
+        factor = float(warning.split("energy of gyration by ")[1].split()[0])
+        assert factor == pytest.approx(abs(velocity) ** 2, rel=5e-3)
+        assert self.warnings({"phi": 0.5, "max_step": 1e-3}, fields=fields) == []
 
 
 def bounce(mass, speed, step):

@@ -223,9 +223,9 @@ def test_the_papers_adaptive_steps_go_at_their_limit_and_are_solved_once(analyse
         mine, other = run.envelope.results[name], explicit.envelope.results[name]
         assert mine == pytest.approx(other, rel=1e-3)
     assert run.ledger.contact_loss[-1] == pytest.approx(explicit.ledger.contact_loss[-1], rel=0.02)
-    # Friction is proportional to the step.
+    # Below its limit friction is proportional to the step.
     friction = run.ledger.friction_loss[-1] / explicit.ledger.friction_loss[-1]
-    assert friction == pytest.approx(2.5, rel=0.15)
+    assert 2.0 < friction < 2.5
 
 
 def test_near_field_makes_clumps_that_stream_along_the_field(analyses):

@@ -4,8 +4,6 @@
 #ifndef BLAST_LAWS_ANDERSON_H
 #define BLAST_LAWS_ANDERSON_H
 
-#include <cmath>
-
 namespace blast {
 
 constexpr int largest_anderson_depth = 5;

@@ -1,5 +1,6 @@
 #include "fix_blast_watch.h"
 
+#include "fix_nve_implicit.h"
 #include "pair_blast_contact.h"
 #include "simulated_time.h"
 #include "style_arguments.h"
@@ -66,6 +67,8 @@ int FixBlastWatch::setmask()
 void FixBlastWatch::init()
 {
   pair = static_cast<PairBlastContact *>(force->pair_match("blast/contact", 1));
+  const auto adapting = modify->get_fix_by_style("^nve/implicit$");
+  integrator = adapting.empty() ? nullptr : dynamic_cast<FixNVEImplicit *>(adapting.front());
   particles_touch = pair || force->pair_match("gran", 0);
   if (energy_limit == 0.0) return;
   const int variable = input->variable->find(energy_variable.c_str());
@@ -209,11 +212,11 @@ void FixBlastWatch::check_count() const
 std::string FixBlastWatch::lost_atoms() const
 {
   if (largest_id_at_start != count_at_start) return "";
-  std::vector<char> here(largest_id_at_start + 1, 0), anywhere(here.size(), 0);
+  std::vector<signed char> here(largest_id_at_start + 1, 0), anywhere(here.size(), 0);
   for (int i = 0; i < atom->nlocal; i++)
     if (atom->tag[i] <= largest_id_at_start) here[atom->tag[i]] = 1;
-  MPI_Allreduce(here.data(), anywhere.data(), static_cast<int>(here.size()), MPI_CHAR, MPI_MAX,
-                world);
+  MPI_Allreduce(here.data(), anywhere.data(), static_cast<int>(here.size()), MPI_SIGNED_CHAR,
+                MPI_MAX, world);
   constexpr int most = 5;
   std::string ids;
   int found = 0;
@@ -271,9 +274,10 @@ tagint FixBlastWatch::fastest_particle() const
 
 std::string FixBlastWatch::advice() const
 {
-  if (advised_step == 0.0) return ": try a smaller time step";
-  return fmt::format(": try a time step of {:.3g} s or less",
-                     std::min(advised_step, 0.5 * update->dt));
+  const char *step = integrator ? "max_step" : "time step";
+  if (advised_step == 0.0) return fmt::format(": try a smaller {}", step);
+  const double present = integrator ? integrator->longest_step() : update->dt;
+  return fmt::format(": try a {} of {:.3g} s or less", step, std::min(advised_step, 0.5 * present));
 }
 
 double FixBlastWatch::compute_vector(int n)

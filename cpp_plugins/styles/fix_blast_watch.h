@@ -43,8 +43,9 @@ private:
   double advised_step = 0.0;
   std::string energy_variable;
   class PairBlastContact *pair = nullptr;
-  bool particles_touch = false; // whether any pair style knows contacts
-  blast::Vector3 drift;         // mean velocity
+  class FixNVEImplicit *integrator = nullptr; // where its steps, not LAMMPS's, are those to advise
+  bool particles_touch = false;               // whether any pair style knows contacts
+  blast::Vector3 drift;                       // mean velocity
   bigint count_at_start = 0;
   tagint largest_id_at_start = 0;
   std::pair<tagint, tagint> swallowed_at_start{0, 0};

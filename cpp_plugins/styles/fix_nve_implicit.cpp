@@ -1,6 +1,7 @@
 #include "fix_nve_implicit.h"
 
 #include "fix_blast_losses.h"
+#include "fix_blast_watch.h"
 #include "pair_blast_contact.h"
 #include "simulated_time.h"
 #include "style_arguments.h"
@@ -70,6 +71,7 @@ void FixNVEImplicit::read_arguments(int narg, char **arg)
   if (first_step == 0.0) first_step = control.longest_step;
   if (first_step > control.longest_step)
     error->all(FLERR, "{} first_step must not be longer than max_step", STYLE);
+  if (history_mode) open_history();
 }
 
 bool FixNVEImplicit::read_keyword(int &iarg, int narg, char **arg)
@@ -110,24 +112,26 @@ bool FixNVEImplicit::read_keyword(int &iarg, int narg, char **arg)
     if (iteration.anderson_depth < 0 || iteration.anderson_depth > blast::largest_anderson_depth)
       refuse("from 0 to 5");
   } else {
-    open_history(value, is("file") ? "w" : "a");
+    history_name = value;
+    history_mode = is("file") ? "w" : "a";
   }
   iarg += 2;
   return true;
 }
 
-void FixNVEImplicit::open_history(const char *name, const char *mode)
+void FixNVEImplicit::open_history()
 {
   if (comm->me != 0) return;
-  if (history) fclose(history);
-  history = fopen(name, mode);
-  if (!history) error->one(FLERR, "{} cannot open {}: {}", STYLE, name, utils::getsyserror());
-  if (strcmp(mode, "w") == 0)
-    fprintf(history, "time,step,corrections,error,restarts,evaluations\n");
+  history = fopen(history_name.c_str(), history_mode);
+  if (!history)
+    error->one(FLERR, "{} cannot open {}: {}", STYLE, history_name, utils::getsyserror());
+  fseek(history, 0, SEEK_END);
+  if (ftell(history) == 0) fprintf(history, "time,step,corrections,error,restarts,evaluations\n");
 }
 
 int FixNVEImplicit::setmask()
 {
+  // Of these LAMMPS calls setup_pre_force, too: pre_force itself has nothing to do.
   return INITIAL_INTEGRATE | POST_NEIGHBOR | PRE_FORCE | POST_FORCE | FINAL_INTEGRATE;
 }
 
@@ -135,16 +139,39 @@ void FixNVEImplicit::init()
 {
   if (utils::strmatch(update->integrate_style, "^respa"))
     error->all(FLERR, "{} does not work with run_style respa", STYLE);
+  // A run that an error ended inside an interval; unless the time step has been set since.
+  if (clock_is_displaced && update->dt == last_step) restore_clock();
+  clock_is_displaced = false;
   ExternalFields::check_sizes(lmp, STYLE, groupbit);
   forces.check(STYLE);
   refuse_companions();
-  contacts = dynamic_cast<PairBlastContact *>(force->pair_match("blast/contact", 1));
-  losses.clear();
-  for (auto *fix : modify->get_fix_by_style("^blast/losses$"))
-    losses.push_back(dynamic_cast<FixBlastLosses *>(fix));
+  find_companions();
+  has_told_of_reach = false;
   adapted_step = std::min(adapted_step, control.longest_step);
   const bigint intervals = update->laststep - update->firststep;
   smallest_step = SMALLEST_PART * update->dt * static_cast<double>(intervals);
+  if (control.longest_step < smallest_step)
+    error->all(FLERR, "{} max_step is below {:.3g} s, the shortest step of so long a run: {:g}",
+               STYLE, smallest_step, control.longest_step);
+}
+
+void FixNVEImplicit::find_companions()
+{
+  contacts.clear();
+  const auto add = [this](Pair *pair) {
+    auto *contact = dynamic_cast<PairBlastContact *>(pair);
+    if (contact) contacts.push_back(contact);
+    return contact != nullptr;
+  };
+  // By the number among those of a hybrid style, where there is more than one.
+  if (!add(force->pair_match("blast/contact", 1)))
+    for (int number = 1; add(force->pair_match("blast/contact", 1, number)); number++);
+  losses.clear();
+  for (auto *fix : modify->get_fix_by_style("^blast/losses$"))
+    losses.push_back(dynamic_cast<FixBlastLosses *>(fix));
+  watches.clear();
+  for (auto *fix : modify->get_fix_by_style("^blast/watch$"))
+    watches.push_back(dynamic_cast<FixBlastWatch *>(fix));
 }
 
 // Fixes and pair styles that do not bear forces being evaluated several times a step, and those
@@ -169,7 +196,7 @@ void FixNVEImplicit::refuse_companions() const
 // The forces at the beginning of a run are those at the end of the step that led there.
 void FixNVEImplicit::setup_pre_force(int /*vflag*/)
 {
-  keep_clock();
+  displace_clock();
   update->dt = last_step;
 }
 
@@ -200,7 +227,17 @@ void FixNVEImplicit::post_force(int /*vflag*/)
 
 void FixNVEImplicit::initial_integrate(int /*vflag*/)
 {
-  keep_clock();
+  displace_clock();
+  try {
+    cross_interval();
+  } catch (...) {
+    restore_clock();
+    throw;
+  }
+}
+
+void FixNVEImplicit::cross_interval()
+{
   const double end = simulated_time(*update);
   double left = update->dt;
   while (true) {
@@ -244,6 +281,7 @@ double FixNVEImplicit::take_step(double left)
       iteration.go_back();
       renew_lists_at_beginning();
     } else if (tried.end == Attempt::OUT_OF_REACH && tried.corrections == 0) {
+      tell_of_reach(step);
       reach = PART_WITHIN_REACH * step;
       if (reach < smallest_step)
         stop(step,
@@ -264,7 +302,10 @@ FixNVEImplicit::Attempt FixNVEImplicit::attempt(double step)
   iteration.correct(fields, step);
   if (iteration.trapezoid.phi == 0.0) {
     // An explicit step, which no correction changes.
-    return {Attempt::CONVERGED, 1, 0.0};
+    tried.corrections = 1;
+    tried.error = iteration_error();
+    if (std::isfinite(tried.error)) return {Attempt::CONVERGED, 1, 0.0};
+    return tried;
   }
   while (true) {
     if (!is_within_reach()) {
@@ -320,21 +361,35 @@ void FixNVEImplicit::shrink(double step, const Attempt &tried)
                             : control.factor(tried.error, tried.corrections);
   adapted_step = factor * step;
   restarts++;
+  if (tried.end == Attempt::OUT_OF_REACH) tell_of_reach(step);
   if (adapted_step < smallest_step)
     stop(step, fmt::format("no convergence: the error is {:.3g} after {} corrections", tried.error,
                            tried.corrections));
 }
 
+// Once a run.
+void FixNVEImplicit::tell_of_reach(double step)
+{
+  if (!has_told_of_reach && comm->me == 0)
+    error->warning(FLERR,
+                   "{} halves steps in which particles move beyond half the skin of the neighbor "
+                   "lists, {:.3g} m, the first at time {:.10g} with {:.3g} s: a wider skin would "
+                   "allow longer steps",
+                   STYLE, neighbor->skin, time, step);
+  has_told_of_reach = true;
+}
+
 void FixNVEImplicit::evaluate_trial()
 {
-  if (contacts) contacts->set_trial(true);
+  for (auto *contact : contacts) contact->set_trial(true);
   forces.evaluate();
-  if (contacts) contacts->set_trial(false);
+  for (auto *contact : contacts) contact->set_trial(false);
 }
 
 // Forces at the state that a step has led to, within an interval.
 void FixNVEImplicit::settle()
 {
+  for (auto *watch : watches) watch->post_integrate();
   if (lists_need_renewal())
     forces.renew_lists();
   else
@@ -383,8 +438,9 @@ double FixNVEImplicit::largest_move(const double *position, double ahead) const
   return everywhere;
 }
 
-void FixNVEImplicit::keep_clock()
+void FixNVEImplicit::displace_clock()
 {
+  clock_is_displaced = true;
   clock_of_intervals = {update->dt, update->atime, update->atimestep};
 }
 
@@ -393,6 +449,7 @@ void FixNVEImplicit::restore_clock()
   update->dt = clock_of_intervals.step;
   update->atime = clock_of_intervals.time;
   update->atimestep = clock_of_intervals.time_step;
+  clock_is_displaced = false;
 }
 
 // Laws that ask LAMMPS for the time or the time step get those of the present step.

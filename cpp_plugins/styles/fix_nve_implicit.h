@@ -42,6 +42,8 @@ public:
   void write_restart(FILE *) override;
   void restart(char *) override;
 
+  double longest_step() const { return control.longest_step; }
+
 private:
   enum Output { STEP = FIELD_WORKS, CORRECTIONS, ERROR, STEPS, RESTARTS, EVALUATIONS, OUTPUTS };
 
@@ -60,9 +62,11 @@ private:
 
   void read_arguments(int narg, char **arg);
   bool read_keyword(int &iarg, int narg, char **arg);
-  void open_history(const char *name, const char *mode);
+  void open_history();
   void refuse_companions() const;
+  void find_companions();
 
+  void cross_interval();
   void begin_step();
   double take_step(double left);
   Attempt attempt(double step);
@@ -70,13 +74,14 @@ private:
   bool is_within_reach() const;
   void accept(double step, const Attempt &, bool is_cut);
   void shrink(double step, const Attempt &);
+  void tell_of_reach(double step);
   void evaluate_trial();
   void settle();
   void renew_lists_at_beginning();
   bool lists_need_renewal() const;
   double largest_move(const double *position, double ahead) const;
   void set_clock(double step, double time);
-  void keep_clock();
+  void displace_clock();
   void restore_clock();
   [[noreturn]] void stop(double step, const std::string &why) const;
 
@@ -84,8 +89,9 @@ private:
   blast::StepControl control;
   TrapezoidIteration iteration;
   ForceEvaluation forces;
-  class PairBlastContact *contacts = nullptr;
-  std::vector<class FixBlastLosses *> losses; // that are told of every step
+  std::vector<class PairBlastContact *> contacts; // that are told what is a trial
+  std::vector<class FixBlastLosses *> losses;     // and these of every step
+  std::vector<class FixBlastWatch *> watches;
 
   double first_step = 0.0;
   double adapted_step = 0.0; // of the next step, where nothing cuts it
@@ -95,11 +101,15 @@ private:
   Attempt last;
   bigint steps = 0, restarts = 0, evaluations = 0;
   FieldWorkTally tally;
+  std::string history_name;
+  const char *history_mode = nullptr;
   FILE *history = nullptr; // a row a step, on the first rank
 
   Clock clock_of_intervals;
+  bool clock_is_displaced = false;
   std::vector<double> listed_position; // where atoms were when lists were built
   bool lists_are_fresh = false;        // built at the beginning of the present step
+  bool has_told_of_reach = false;
 };
 
 } // namespace LAMMPS_NS

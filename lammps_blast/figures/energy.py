@@ -29,7 +29,7 @@ from lammps_blast.figures.style import (
 )
 
 if TYPE_CHECKING:
-    from lammps_blast.analyze import Analyses, Check
+    from lammps_blast.analyze import Analyses
 
 SERIES: dict[str, dict[str, Any]] = {
     "kinetic": {"color": BLUE, "linestyle": "-", "marker": "o", "markersize": 2.4},
@@ -83,7 +83,7 @@ def energy_figure(analyses: Analyses) -> Figure:
         }
         _draw_energies(panels[1], seconds, changes, joined, "since launch")
         panels[1].axhline(0.0, color="0.8", linewidth=0.5, zorder=0)
-        _draw_errors(panels[2], seconds, ledger, analyses.checks.get("energy_ledger"))
+        _draw_errors(panels[2], seconds, ledger, analyses)
     finish_stack(panels, clock, energies.times)
     return figure
 
@@ -114,7 +114,7 @@ def _interaction_figure(analyses: Analyses, ledger: EnergyLedger) -> Figure:
         _draw_changes(next(rest), seconds, potentials, joined, "potential, change")
     if losses:
         _draw_losses(next(rest), seconds, losses, joined)
-    _draw_errors(next(rest), seconds, ledger, analyses.checks.get("energy_ledger"))
+    _draw_errors(next(rest), seconds, ledger, analyses)
     finish_stack(panels, clock, ledger.times)
     return figure
 
@@ -187,6 +187,9 @@ def _draw_energies(
     axes.set_ylabel(f"{what} ({unit.name})")
     if axes.lines:
         axes.legend(loc="best")
+    else:
+        text = "exactly zero:\n" + "\n".join(series)
+        axes.text(0.02, 0.9, text, transform=axes.transAxes, fontsize=7.0, va="top")
     return unit
 
 
@@ -235,14 +238,16 @@ def _draw_losses(
         axes.text(0.99, 0.04, text, transform=axes.transAxes, fontsize=6.5, ha="right")
 
 
-def _draw_errors(
-    axes: Axes, seconds: np.ndarray, ledger: EnergyLedger, check: Check | None
-) -> None:
+def _draw_errors(axes: Axes, seconds: np.ndarray, ledger: EnergyLedger, analyses: Analyses) -> None:
     known = np.isfinite(ledger.turnover) and ledger.turnover > 0.0
     scale, name = (ledger.turnover, "largest energy") if known else (1.0, "1 J")
     curves = {
         "missing from the ledger": (np.abs(ledger.residual) / scale, BLUE, "o"),
         "magnetic work": (np.abs(ledger.magnetic_work) / scale, ORANGE, "s"),
     }
-    draw_magnitudes(axes, seconds, curves, check)
+    checks = {
+        "missing from the ledger": analyses.checks.get("energy_ledger"),
+        "magnetic work": analyses.checks.get("magnetic_work"),
+    }
+    draw_magnitudes(axes, seconds, curves, checks)
     axes.set_ylabel(f"error / {name}")

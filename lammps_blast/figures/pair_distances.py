@@ -67,18 +67,26 @@ def _draw_gaps(axes: Axes, analyses: Analyses, frame: int, look: dict[str, str])
 
 
 def _label_gaps(axes: Axes, analyses: Analyses) -> list[str]:
-    """Set limits and labels; return a remark on the gaps beyond the axis, if there are any."""
+    """Set limits and labels; return remarks on gaps that are not shown, if there are any."""
     gap = analyses.distances.results.nearest_gap
     farthest, largest = _reach_of_gaps(gap)
     nearest = min(np.min(gap, initial=0.0), -0.05)
+    alone = float(np.isinf(gap).mean(axis=1).max())
+    reach = analyses.distances.results.edges[-1]
     axes.axvline(0.0, color="0.8", linewidth=0.8, zorder=0)
     axes.set_xlim(nearest - 0.02 * (farthest - nearest), farthest)
     axes.set_ylim(0.0, 103.0)
     axes.set_xlabel("gap to the nearest surface (mean diameters)")
     axes.set_ylabel("particles with a smaller gap (%)")
-    if largest <= farthest:
-        return []
-    return [f"gaps beyond the axis, of fewer than 1 % of the particles: up to {largest:.3g}"]
+    remarks = []
+    if alone > 0.0:
+        share = f"{100.0 * alone:.2g} % of the particles"
+        remarks.append(f"no neighbour within {reach:g} mean diameters: up to {share}")
+    if largest > farthest:
+        remarks.append(
+            f"gaps beyond the axis, of fewer than 1 % of the particles: up to {largest:.3g}"
+        )
+    return remarks
 
 
 def _reach_of_gaps(gap: np.ndarray) -> tuple[float, float]:

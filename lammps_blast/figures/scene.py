@@ -121,11 +121,11 @@ class Spheroid:
 
 def grid_of_places(count: int, scene: Scene) -> tuple[Figure, list[Place]]:
     """Return a figure, and places for panels in it, from left to right and top to bottom."""
-    aspect = float(np.clip(scene.projected_size[1] / scene.projected_size[0], 0.35, 1.6))
+    aspect = _aspect(scene)
     columns = min(count, 2 if aspect < 0.75 else 3)
     rows = -(-count // columns)
     width = PAGE / max(columns, 2)
-    height = (width - SIDE_ROOM) * aspect + END_ROOM
+    height = (width - SIDE_ROOM) * aspect + END_ROOM + _label_room(scene)
     head, foot = 0.3, 0.85
     left = 0.5 * (PAGE - columns * width)
     places = []
@@ -133,6 +133,15 @@ def grid_of_places(count: int, scene: Scene) -> tuple[Figure, list[Place]]:
         row, column = divmod(number, columns)
         places.append((left + column * width, foot + (rows - 1 - row) * height, width, height))
     return Figure(figsize=(PAGE, head + rows * height + foot)), places
+
+
+def _aspect(scene: Scene) -> float:
+    return float(np.clip(scene.projected_size[1] / scene.projected_size[0], 0.35, 1.6))
+
+
+def _label_room(scene: Scene) -> float:
+    """Return by how much farther down (in) labels of the lower axes of a tall scene stand."""
+    return 0.45 * max(0.0, _aspect(scene) - 1.0)
 
 
 def open_panel(figure: Figure, place: Place, scene: Scene, analyses: Analyses, title: str) -> Panel:
@@ -153,10 +162,11 @@ def open_panel(figure: Figure, place: Place, scene: Scene, analyses: Analyses, t
     corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1)
     x, y, _ = proj3d.proj_transform(*corners, axes.get_proj())
     box = axes.transLimits.transform(np.stack([x, y], axis=-1))
-    side = float(np.min([width - SIDE_ROOM, height - END_ROOM] / np.ptp(box, axis=0)))
+    labels = _label_room(scene)
+    side = float(np.min([width - SIDE_ROOM, height - END_ROOM - labels] / np.ptp(box, axis=0)))
     middle = 0.5 * (box.min(axis=0) + box.max(axis=0))
     # The labels of the z axis stand on the right.
-    centre = np.array([left + 0.5 * width - 0.05, bottom + 0.5 * height])
+    centre = np.array([left + 0.5 * width - 0.05, bottom + 0.5 * (height + labels)])
     size = figure.get_size_inches()
     axes.set_position((*((centre - side * middle) / size), *(side / size)))
 
@@ -183,6 +193,7 @@ def _style_box(panel: Panel) -> None:
         # matplotlib puts a label farther out the longer the other two sides are; this undoes it.
         axis.labelpad = -1.0 - 3.5 * (share.sum() - share[i]) - (2.0 if i == 2 else 0.0)
     axes.tick_params(labelsize=6.0, pad=-3.0)
+    axes.tick_params(axis="z", pad=-1.0)
 
 
 def _ticks(low: float, high: float, inches: float) -> np.ndarray:

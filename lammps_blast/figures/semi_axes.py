@@ -84,11 +84,12 @@ def _draw_semi_axes(along: Axes, across: Axes, analyses: Analyses, clock: Unit) 
                 curve_times / clock.size, exact / unit.size, color=colour, **style,
                 label="exact spheroid",
             )  # fmt: skip
-        axes.plot(
-            seconds, measured[i] / unit.size, "o", color=colour, markerfacecolor="white",
-            markeredgewidth=0.7, markevery=max(1, len(seconds) // 60),
-            label="fitted to all particles",
-        )  # fmt: skip
+        if np.isfinite(measured[i]).any():
+            axes.plot(
+                seconds, measured[i] / unit.size, "o", color=colour, markerfacecolor="white",
+                markeredgewidth=0.7, markevery=max(1, len(seconds) // 60),
+                label="fitted to all particles",
+            )  # fmt: skip
         axes.plot(
             seconds, extents[i] / unit.size, color="0.25", linewidth=0.7, markersize=1.5,
             linestyle="--" if sampling.resolved else "none",
@@ -119,7 +120,13 @@ def _draw_deviations(axes: Axes, analyses: Analyses, clock: Unit) -> None:
             "along": (np.abs(results.semi_axis_parallel - along) / size, BLUE, "o"),
             "across": (np.abs(results.semi_axis_perpendicular - across) / size, ORANGE, "s"),
         }
-    curves["worst particle off the fit"] = (results.fit_residual / size, GREY, "x")
-    check = analyses.checks.get("semi_axis_parallel")
-    draw_magnitudes(axes, results.times / clock.size, curves, check)
+    fits = np.isfinite(results.semi_axis_parallel) | np.isfinite(results.semi_axis_perpendicular)
+    off = np.where(fits, results.fit_residual, np.nan) / size
+    curves["worst particle off the fit"] = (off, GREY, "x")
+    checks = {
+        name: analyses.checks.get(f"semi_axis_{axis}")
+        for name, axis in (("along", "parallel"), ("across", "perpendicular"))
+        if name in curves
+    }
+    draw_magnitudes(axes, results.times / clock.size, curves, checks)
     axes.set_ylabel("deviation / size")

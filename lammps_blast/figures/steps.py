@@ -28,6 +28,9 @@ from lammps_blast.step_history import StepHistory
 if TYPE_CHECKING:
     from lammps_blast.analyze import Analyses
 
+# Of an axis of lengths, from its lower end to its upper: steps that are equal look equal.
+LEAST_RANGE = 10.0
+
 
 @rc_context(STYLE)
 def step_figure(analyses: Analyses) -> Figure:
@@ -70,21 +73,25 @@ def _draw_lengths(
         axes.axhline(limit, color="black", linestyle=":", linewidth=0.9, label="longest allowed")
     axes.set_yscale("log")
     axes.margins(y=0.15)
+    bottom, top = axes.get_ylim()
+    if top < LEAST_RANGE * bottom:
+        middle = np.sqrt(bottom * top)
+        axes.set_ylim(middle / np.sqrt(LEAST_RANGE), middle * np.sqrt(LEAST_RANGE))
     axes.set_ylabel(f"step ({unit.name})")
     put_legend_above(axes)
 
 
 def _draw_counts(axes: Axes, seconds: np.ndarray, history: StepHistory) -> None:
     _plot_steps(axes, seconds, history.corrections, GREEN, "corrections of a step")
+    failed = np.diff(history.restarts, prepend=0.0)
     if history.restarts[-1] > 0:
-        failed = np.diff(history.restarts, prepend=0.0)
         shown = failed > 0
         axes.plot(
-            seconds[shown], failed[shown], "x", color=ORANGE, markersize=3.0, markeredgewidth=0.6,
-            label="restarts of a step",
+            seconds[shown], failed[shown], "o", color=ORANGE, markersize=4.0, markeredgewidth=0.6,
+            markerfacecolor="none", label="restarts of a step",
         )  # fmt: skip
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_ylim(0.0, 1.15 * max(2.0, float(history.corrections.max())))
+    axes.set_ylim(0.0, 1.15 * max(2.0, float(history.corrections.max()), float(failed.max())))
     axes.set_ylabel("number")
     put_legend_above(axes)
 
@@ -95,6 +102,8 @@ def _draw_errors(
     error = np.where(history.error > 0.0, history.error, np.nan)
     if np.isfinite(error).any():
         _plot_steps(axes, seconds, error, GREY, "error of the last correction")
+    else:
+        axes.text(0.02, 0.05, "all errors are exactly zero", transform=axes.transAxes, fontsize=7.0)
     if scheme:
         axes.axhline(
             scheme.tolerance, color="black", linestyle=":", linewidth=0.9, label="tolerance"

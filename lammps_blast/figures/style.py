@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -161,10 +161,18 @@ def finish_stack(panels: Sequence[Axes], clock: Unit, times: np.ndarray) -> None
 
 def draw_magnitudes(
     axes: Axes, seconds: np.ndarray, curves: dict[str, tuple[np.ndarray, str, str]],
-    check: Check | None,
+    checks: Mapping[str, Check | None],
 ) -> None:  # fmt: skip
-    """Plot magnitudes (name: values, colour, marker) on a log axis; zeros have no place there."""
-    nothing = []
+    """Plot magnitudes on a log axis, on which zeros have no place, and the limits they have.
+
+    Parameters
+    ----------
+    curves
+        Name: values, colour, marker.
+    checks
+        What holds some of the curves to limits, by their names.
+    """
+    nothing: dict[str, str] = {}
     for name, (values, colour, mark) in curves.items():
         positive = np.where(np.isfinite(values) & (values > 0.0), values, np.nan)
         if np.isfinite(positive).any():
@@ -173,24 +181,34 @@ def draw_magnitudes(
                 markevery=max(1, len(seconds) // 150), label=name,
             )  # fmt: skip
         else:
-            known = np.isfinite(values).any()
-            nothing.append(f"{name}: {'exactly zero' if known else 'unknown'}")
+            nothing[name] = "exactly zero" if np.isfinite(values).any() else "unknown"
     axes.set_yscale("log")
     axes.margins(y=0.12)
-    if check:
-        label = f"limit {check.limit:.0e}"
-        axes.axhline(check.limit, color="black", linestyle=":", linewidth=0.9, label=label)
+    limits = {name: check.limit for name, check in checks.items() if check and name not in nothing}
+    _draw_limits(axes, curves, limits)
     bottom, top = axes.get_ylim()
     if bottom < SMALLEST_ERROR < top:
         axes.set_ylim(SMALLEST_ERROR, top)
-    if len(nothing) == len(curves):
+    missing = [f"{name}: {what}" for name, what in nothing.items()]
+    if len(missing) == len(curves):
         axes.set_yticks([], minor=False)
         axes.set_yticks([], minor=True)
-        axes.text(0.02, 0.05, "\n".join(nothing), transform=axes.transAxes, fontsize=7.0)
-    elif nothing:
-        text = "; ".join(nothing)
+        axes.text(0.02, 0.05, "\n".join(missing), transform=axes.transAxes, fontsize=7.0)
+    elif missing:
+        text = "; ".join(missing)
         axes.text(1.0, 1.03, text, transform=axes.transAxes, fontsize=7.0, ha="right")
     put_legend_above(axes)
+
+
+def _draw_limits(
+    axes: Axes, curves: dict[str, tuple[np.ndarray, str, str]], limits: dict[str, float]
+) -> None:
+    """Draw one line where all limits are the same, else one in the colour of each curve."""
+    shared = len(set(limits.values())) == 1
+    for name, limit in list(limits.items())[: 1 if shared else None]:
+        colour = "black" if shared else curves[name][1]
+        label = f"limit {limit:.0e}"
+        axes.axhline(limit, color=colour, linestyle=":", linewidth=0.9, label=label)
 
 
 def put_legend_above(axes: Axes) -> None:

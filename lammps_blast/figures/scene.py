@@ -166,7 +166,7 @@ def open_panel(figure: Figure, place: Place, scene: Scene, analyses: Analyses, t
     side = float(np.min([width - SIDE_ROOM, height - END_ROOM - labels] / np.ptp(box, axis=0)))
     middle = 0.5 * (box.min(axis=0) + box.max(axis=0))
     # The labels of the z axis stand on the right.
-    centre = np.array([left + 0.5 * width - 0.05, bottom + 0.5 * (height + labels)])
+    centre = np.array([left + 0.5 * width - 0.13, bottom + 0.5 * (height + labels)])
     size = figure.get_size_inches()
     axes.set_position((*((centre - side * middle) / size), *(side / size)))
 
@@ -191,7 +191,7 @@ def _style_box(panel: Panel) -> None:
         axis.line.set(linewidth=0.5, color="0.4")
         axis.set_label_text(f"{'xyz'[i]} ({scene.unit.name})", fontsize=7.0)
         # matplotlib puts a label farther out the longer the other two sides are; this undoes it.
-        axis.labelpad = -1.0 - 3.5 * (share.sum() - share[i]) - (2.0 if i == 2 else 0.0)
+        axis.labelpad = -1.0 - 3.5 * (share.sum() - share[i]) + (3.0 if i == 2 else 0.0)
     axes.tick_params(labelsize=6.0, pad=-3.0)
     axes.tick_params(axis="z", pad=-1.0)
 

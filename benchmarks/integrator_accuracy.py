@@ -5,15 +5,14 @@ energy after one second in units of the blast's, and the largest error of a part
 gyroradii.
 """
 
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.finished_run import finished_run
 from lammps_blast import theory
 from lammps_blast.case import Case, parse_case
-from lammps_blast.deck import write_deck
-from lammps_blast.engine import EngineError, run_deck
+from lammps_blast.engine import EngineError
 from lammps_blast.particles import create_particles
 from lammps_blast.trajectory import open_universe
 
@@ -43,10 +42,7 @@ def case_of(integrator: str, step: float) -> Case:
 def energy_and_error(case: Case) -> tuple[float, float]:
     """Return kinetic energy over launch energy and the largest position error in gyroradii."""
     particles = create_particles(case)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        write_deck(case, particles, folder)
-        run_deck(folder, case.timesteps, case.timestep)
+    with finished_run(case, particles) as folder:
         start, end = (open_universe(folder).trajectory[frame].data for frame in (0, -1))
     exact, _ = theory.lorentz_orbit(
         1.0, start["position"], start["velocity"], 10.0, np.zeros(3), case.fields.magnetic

@@ -7,16 +7,14 @@ tables of docs/reproduction.md.
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.finished_run import finished_run
 from benchmarks.section_9 import section_9
 from lammps_blast.case import Case
-from lammps_blast.deck import STEP_TABLE, write_deck
-from lammps_blast.engine import run_deck
+from lammps_blast.deck import STEP_TABLE
 from lammps_blast.particles import Particles, create_particles
 from lammps_blast.step_history import StepHistory
 
@@ -63,10 +61,7 @@ def rushing_spheres() -> Particles:
 
 def shown_work(case: Case, particles: Particles) -> str:
     """Run a case; return its force evaluations and restarts."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        write_deck(case, particles, folder)
-        run_deck(folder, case.timesteps, case.timestep)
+    with finished_run(case, particles) as folder:
         history = StepHistory.read(folder / STEP_TABLE)
     restarts = int(history.restarts[-1])
     return f"{history.evaluations[-1]:,.0f}" + (f" ({restarts:,})" if restarts else "")

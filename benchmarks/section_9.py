@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from benchmarks.finished_run import finished_run
 from benchmarks.lammps_loop import LammpsLoop
 from benchmarks.section_6 import REPOSITORY
 from lammps_blast.case import Case, load_case, parse_case
-from lammps_blast.deck import write_deck
-from lammps_blast.engine import run_deck
 from lammps_blast.pair_commands import pair_commands, pair_styles
 from lammps_blast.particles import Particles, create_particles
 from lammps_blast.trajectory import open_universe
@@ -112,10 +109,7 @@ def _relaxed_positions() -> np.ndarray:
         time={"duration": STEP},
         output={"interval": STEP, "restart_interval": STEP, "contacts": False},
     )
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        write_deck(case, create_particles(case), folder)
-        run_deck(folder, case.timesteps, case.timestep)
+    with finished_run(case, create_particles(case)) as folder:
         return open_universe(folder).trajectory[0].data["position"].copy()
 
 

@@ -9,7 +9,6 @@ all particles, in units of how far they have moved.
 from __future__ import annotations
 
 import argparse
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,10 +19,11 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from benchmarks.finished_run import finished_run
 from benchmarks.section_9 import section_9
 from lammps_blast.case import Case
-from lammps_blast.deck import STEP_TABLE, write_deck
-from lammps_blast.engine import EngineError, run_deck
+from lammps_blast.deck import STEP_TABLE
+from lammps_blast.engine import EngineError
 from lammps_blast.figures.style import STYLE
 from lammps_blast.particles import create_particles
 from lammps_blast.step_history import StepHistory
@@ -106,10 +106,7 @@ def case_of(scene: Scene, method: Method, step: float) -> Case:
 
 def end_of(case: Case) -> tuple[np.ndarray, np.ndarray, int]:
     """Run a case; return positions at its start and end, (N, 3) in m, and force evaluations."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        write_deck(case, create_particles(case), folder)
-        run_deck(folder, case.timesteps, case.timestep)
+    with finished_run(case, create_particles(case)) as folder:
         start, end = (open_universe(folder).trajectory[k].data["position"].copy() for k in (0, -1))
         table = folder / STEP_TABLE
         if table.is_file():

@@ -35,7 +35,7 @@ from lammps_blast.analysis import (
 )
 from lammps_blast.case import Case, CaseError, Contact, load_case
 from lammps_blast.clumps import CLUMP_NUMBERS, Clumps, PairDistances
-from lammps_blast.contacts import CONTACT_NUMBERS, ContactFrames, Contacts, close_pairs
+from lammps_blast.contacts import CONTACT_NUMBERS, ContactFrames, Contacts
 from lammps_blast.deck import (
     CASE,
     CONTACT_TABLE,
@@ -45,6 +45,7 @@ from lammps_blast.deck import (
     counted,
 )
 from lammps_blast.engine import LOG
+from lammps_blast.neighbours import close_pairs
 from lammps_blast.pair_histories import FEW_PARTICLES, PairHistories
 from lammps_blast.relaxation import RelaxationReport
 from lammps_blast.spheroid import SpheroidTheory

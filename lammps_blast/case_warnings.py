@@ -110,24 +110,24 @@ def case_warnings(case: Case, particles: Particles) -> Iterator[str]:
 
 def _iteration_warnings(case: Case, scheme: Implicit, particles: Particles) -> Iterator[str]:
     longest = case.time.longest_step
-    if case.timestep < longest * (1.0 - WHOLE_STEPS_TOLERANCE):
+    step = min(longest, case.timestep)
+    if step < longest * (1.0 - WHOLE_STEPS_TOLERANCE):
         yield (
             f"time.implicit.max_step {longest:g} s is not reached: time.duration, output.interval "
             f"and output.restart_interval are together whole numbers of {case.timestep:g} s only, "
             "and steps are cut to end there; take intervals that are multiples of each other"
         )
     extent = float(np.abs(particles.position).max())
-    motion = largest_velocity(case, particles) * min(longest, case.timestep)
+    motion = largest_velocity(case, particles) * step
     if motion > 0.0 and scheme.tolerance < (rounding := np.finfo(float).eps * extent / motion):
         yield (
             f"time.implicit.tolerance {scheme.tolerance:g} is below the rounding of positions, "
             f"{rounding:.1g} of what a step moves them: steps may not converge"
         )
     omega = theory.cyclotron_frequency(particles.charge_per_mass, case.fields.magnetic)
-    angle = float(np.abs(omega).max()) * min(longest, case.timestep)
-    gain = float(theory.trapezoid_gyration_gain(scheme.phi, angle))
+    gain = theory.trapezoid_gyration_gain(scheme.phi, float(np.abs(omega).max()) * step)
     with np.errstate(over="ignore"):
-        overall = np.float64(gain) ** (case.time.duration / min(longest, case.timestep))
+        overall = gain ** (case.time.duration / step)
     if abs(overall - 1.0) > LARGEST_GAIN:
         yield (
             f"time.implicit.phi {scheme.phi:g} multiplies the energy of gyration by {overall:.3g} "

@@ -22,7 +22,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from lammps_blast.analysis import AnalysisError, Cloud
-from lammps_blast.contacts import close_pairs, known_radii, pair_blocks
+from lammps_blast.contacts import known_radii
+from lammps_blast.neighbours import close_pairs, pair_blocks
 
 # Largest gap between the surfaces of two spheres of one piece, in sums of their radii.
 GAP = 0.02

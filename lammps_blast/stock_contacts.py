@@ -7,10 +7,10 @@ contacts that give more than they can have had.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from lammps_blast import interactions
 from lammps_blast.case import Contact
+from lammps_blast.neighbours import close_pairs
 from lammps_blast.pairs import effective_modulus
 from lammps_blast.theory import Floats
 
@@ -36,10 +36,9 @@ def energy_reserve(contact: Contact, position: Floats, radius: Floats) -> float:
 
 
 def _held(contact: Contact, position: Floats, radius: Floats) -> float:
-    pairs = cKDTree(position).query_pairs(2.0 * float(radius.max()), output_type="ndarray")
+    pairs, closeness = close_pairs(position, radius)
     i, j = pairs.T
-    distance = np.linalg.norm(position[i] - position[j], axis=1)
-    overlap = radius[i] + radius[j] - distance
+    overlap = (1.0 - closeness) * (radius[i] + radius[j])
     if contact.law == "hooke":
         assert contact.stiffness is not None
         return float(np.sum(interactions.hooke_energy(overlap, contact.stiffness)))

@@ -7,7 +7,7 @@ import pytest
 from test_analysis import write_dump
 from test_figures import make_clumped
 
-from lammps_blast import contacts
+from lammps_blast import neighbours
 from lammps_blast.analysis import AnalysisError
 from lammps_blast.analyze import analyze, report, summarize, write_results
 from lammps_blast.clumps import (
@@ -17,7 +17,7 @@ from lammps_blast.clumps import (
     label_pieces,
     piece_sizes,
 )
-from lammps_blast.contacts import close_pairs
+from lammps_blast.neighbours import close_pairs
 from lammps_blast.trajectory import open_universe
 
 R = 0.05
@@ -100,7 +100,7 @@ def test_the_gap_is_measured_in_mean_diameters(radii, gap):
 @pytest.mark.parametrize("block", [16384, 9], ids=["whole", "in blocks"])
 @pytest.mark.parametrize("reach", [1.0, 1.1, 3.0])
 def test_pairs_are_those_of_brute_force(monkeypatch, spread, block, reach):
-    monkeypatch.setattr(contacts, "BLOCK", block)
+    monkeypatch.setattr(neighbours, "BLOCK", block)
     position, radius = random_cloud(1, spread)
     pairs, closeness = close_pairs(position, radius, reach)
     expected, expected_closeness = brute_force_pairs(position, radius, reach)
@@ -220,7 +220,7 @@ def test_options_without_meaning_are_refused(tmp_path, options):
 
 @pytest.mark.parametrize("block", [16384, 50])
 def test_pair_distances_are_those_of_brute_force(tmp_path, monkeypatch, block):
-    monkeypatch.setattr(contacts, "BLOCK", block)
+    monkeypatch.setattr(neighbours, "BLOCK", block)
     position, radius = random_cloud(4, 1.0, count=200)
     universe = universe_of(tmp_path, position, 10.0 * position, radius=radius)
     results = PairDistances(universe, reach=3.0, bins=4).run().results

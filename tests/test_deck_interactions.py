@@ -9,7 +9,7 @@ from conftest import lmp
 from scipy.optimize import brentq
 
 from lammps_blast.analysis import EnergyLedger
-from lammps_blast.case import CaseError, dump_case, load_case, parse_case
+from lammps_blast.case import CaseError, Contact, dump_case, load_case, parse_case
 from lammps_blast.deck import DECK, ENERGY_ACCOUNTS, ENERGY_TABLE, deck_text, write_deck
 from lammps_blast.particles import create_particles
 from lammps_blast.stock_contacts import energy_reserve
@@ -464,6 +464,18 @@ def test_stock_contacts_may_give_what_they_hold_and_their_adhesion_does(tmp_path
         reserve *= (np.prod(pair.radius) / sum(pair.radius) / 0.025) ** (4 / 3)
     assert given == pytest.approx(reserve, rel=2e-3)
     assert given > 10 * 0.5 * pair.mass[0] * pair.closing**2
+
+
+def test_the_reserve_is_that_of_every_pair_however_unequal():
+    """A sphere as large as the cloud, in it, is no more work than any other."""
+    rng = np.random.default_rng(4)
+    position = np.vstack([rng.uniform(-1, 1, (300, 3)), [[2.0, 0, 0]]])
+    radius = np.append(0.1 * np.exp(rng.uniform(-1, 1, 300)), 1.5)
+    i, j = np.triu_indices(len(radius), 1)
+    overlap = radius[i] + radius[j] - np.linalg.norm(position[i] - position[j], axis=1)
+    held = 0.5 * HOOKE["stiffness"] * np.sum(np.maximum(overlap, 0.0) ** 2)
+    contact = Contact.model_validate(HOOKE)
+    assert energy_reserve(contact, position, radius) == pytest.approx(held, rel=1e-12)
 
 
 def test_a_stock_contact_that_makes_energy_stops_the_run(tmp_path):

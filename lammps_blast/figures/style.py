@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from lammps_blast.analyze import Analyses, Check
 
 # Width of a figure in inches: one that spans a page of a journal, and one that spans a column.
-SMALLEST_ERROR = 1e-20  # relative; below it there is only rounding of rounding
 PAGE, COLUMN = 7.2, 4.5
+SMALLEST_ERROR = 1e-20  # relative; below it there is only rounding of rounding
 
 # Colours that colour-blind readers tell apart (Okabe and Ito); line styles differ as well.
 BLUE, ORANGE, GREEN, PURPLE, GREY = "#0072B2", "#D55E00", "#009E73", "#AA4499", "#777777"

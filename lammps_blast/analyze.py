@@ -51,6 +51,7 @@ from lammps_blast.relaxation import RelaxationReport
 from lammps_blast.spheroid import SpheroidTheory
 from lammps_blast.step_history import StepHistory
 from lammps_blast.stock_contacts import energy_reserve
+from lammps_blast.summation import SummationReport
 from lammps_blast.trajectory import TrajectoryError, find_trajectory, open_universe
 
 SUMMARY = "summary.json"
@@ -122,6 +123,7 @@ class Analyses:
     histories: PairHistories | None = None
     steps: StepHistory | None = None
     relaxation: RelaxationReport | None = None
+    summation: SummationReport | None = None
 
 
 def analyze(
@@ -191,6 +193,7 @@ def analyze(
         histories=histories,
         steps=StepHistory.read(step_table) if step_table.is_file() else None,
         relaxation=RelaxationReport.read(folder / LOG),
+        summation=SummationReport.read(folder / LOG),
     )
 
 
@@ -320,6 +323,8 @@ def summarize(analyses: Analyses) -> dict[str, Any]:
     }
     if analyses.relaxation:
         summary["relaxation"] = asdict(analyses.relaxation)
+    if analyses.summation:
+        summary["near_field"] = asdict(analyses.summation)
     if analyses.clumps:
         summary["clumps"] = _clump_summary(analyses.clumps)
     if analyses.contacts:
@@ -547,6 +552,7 @@ def report(summary: Mapping[str, Any]) -> str:
         steps = summary["relaxation"]["steps"]
         lines.insert(1, f"  packing relaxed in {counted(steps, 'step')}, no overlap is left")
     lines += _clump_report(summary)
+    lines += _summation_report(summary)
     lines += _integration_report(summary)
     for name, check in summary["checks"].items():
         verdict = "ok" if check["passed"] else f"FAILED, limit {check['limit']:g}"
@@ -587,6 +593,15 @@ def _integration_report(summary: Mapping[str, Any]) -> list[str]:
         f" {integration['longest_step']:.3g} s, {counted(integration['restarts'], 'restart')},"
         f" {integration['evaluations_per_second']:,.0f} force evaluations per simulated second"
     ]
+
+
+def _summation_report(summary: Mapping[str, Any]) -> list[str]:
+    if "near_field" not in summary:
+        return []
+    used = summary["near_field"]
+    if used["method"] == "direct":
+        return ["  near field summed directly over all pairs"]
+    return [f"  near field summed by tree, with an error of {used['error']:.1e} of the force"]
 
 
 def _pair(envelope: Mapping[str, Any], name: str) -> str:

@@ -44,6 +44,9 @@ MAX_STEPS = 2**31 - 1
 # A duration is a whole number of steps when it misses one by less than this part of itself.
 WHOLE_STEPS_TOLERANCE = 1e-6
 
+# Of near fields summed by tree: root mean square of the error over that of the force.
+DEFAULT_ACCURACY = 1e-6
+
 # How far from the number wanted a default interval is looked for that divides the duration.
 DIVISORS_TRIED = 10_000
 # With `integrator: implicit` LAMMPS's own steps hold at most so many of the longest ones: it looks
@@ -458,7 +461,8 @@ class NearField(_Section):
 
     `scaling` says what of the two particles multiplies the strengths. Pairs farther apart than
     `cutoff` (m) feel nothing; with `all` every pair counts. Over the last `switch_width` (m) before
-    the cutoff the force goes smoothly to zero.
+    the cutoff the force goes smoothly to zero. All pairs are summed by `method`: directly, or by a
+    tree whose force deviates by the part `accuracy`, in the root mean square over the particles.
     """
 
     scaling: Literal["mass", "area", "volume", "charge"] = Field(
@@ -470,6 +474,10 @@ class NearField(_Section):
         description="a length in m, or the word `all`"
     )
     switch_width: Positive | None = None
+    method: Literal["auto", "direct", "tree"] | None = Field(
+        default=None, validate_default=True, description="'auto', 'direct' or 'tree'"
+    )
+    accuracy: float | None = Field(gt=0, lt=1, default=None, validate_default=True)
 
     @field_validator("repulsion")
     @classmethod
@@ -491,6 +499,29 @@ class NearField(_Section):
         if width >= cutoff:
             raise ValueError(f"must be less than the cutoff {cutoff!r}")
         return width
+
+    @field_validator("method")
+    @classmethod
+    def _of_all_pairs(cls, method: str | None, info: ValidationInfo) -> str | None:
+        cutoff = info.data.get("cutoff")
+        if cutoff == "all":
+            return method or "auto"
+        if method is not None and cutoff is not None:
+            raise ValueError("goes with `cutoff: all` only")
+        return method
+
+    @field_validator("accuracy")
+    @classmethod
+    def _of_approximate_sums(cls, accuracy: float | None, info: ValidationInfo) -> float | None:
+        method = info.data.get("method")
+        if accuracy is None:
+            return DEFAULT_ACCURACY if method in ("auto", "tree") else None
+        if "method" in info.data and info.data.get("cutoff") is not None:
+            if method is None:
+                raise ValueError("goes with `cutoff: all` only")
+            if method == "direct":
+                raise ValueError("goes with `method` tree or auto: a direct sum is exact")
+        return accuracy
 
     def divergence(self, positive: int, negative: int) -> _Problem | None:
         """Return a problem if some pair attracts without bound as it meets, None if none does.

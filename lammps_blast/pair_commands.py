@@ -89,6 +89,8 @@ def _near_field(field: NearField, signs: bool) -> PairStyle:
         settings += f" switch {number(field.switch_width)}"
     if signs:
         settings += f" signs {SIGN_PROPERTY}"
+    if field.accuracy:
+        settings += f" method {field.method} accuracy {number(field.accuracy)}"
     terms = [
         numbers(term.strength, term.exponent) if term else numbers(0.0, 0.0)
         for term in (field.attraction, field.repulsion)

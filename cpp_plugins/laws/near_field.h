@@ -36,14 +36,37 @@ inline double near_field_factor(Scaling scaling, double mass, double radius, dou
 struct PowerLaw {
   double strength = 0.0; // alpha
   Power power;           // of 1/d, beta
-  Power integral_power;  // |1 - beta|
 
   PowerLaw() = default;
   // The exponent of nothing is of no account, and must not make it infinite.
   PowerLaw(double strength_, double exponent)
-      : strength(strength_), power(strength == 0.0 ? 0.0 : exponent),
-        integral_power(std::fabs(1.0 - power.exponent))
+      : strength(strength_), power(strength == 0.0 ? 0.0 : exponent)
   {
+  }
+};
+
+// Integral of one term over d without a cutoff, with the constant that makes it a pure power, or a
+// logarithm of d over one metre for beta = 1.
+struct BarePotential {
+  double per_logarithm = 0.0, per_power = 0.0, growth = 0.0; // of d
+
+  explicit BarePotential(const PowerLaw &law)
+  {
+    const double rest = 1.0 - law.power.exponent;
+    if (law.strength == 0.0) return;
+    if (rest == 0.0) {
+      per_logarithm = law.strength;
+    } else {
+      per_power = law.strength / rest;
+      growth = rest;
+    }
+  }
+
+  // Of the logarithm of d; power(growth) is d^growth.
+  template <class PowerOfDistance>
+  double operator()(double logarithm, const PowerOfDistance &power) const
+  {
+    return per_logarithm * logarithm + per_power * power(growth);
   }
 };
 
@@ -92,8 +115,7 @@ inline double near_field_force(const NearField &field, double distance)
   return near_field_force(field, distance, 1.0 / distance);
 }
 
-// Integral of strength * d^-beta over d: from the cutoff, where it is zero, or with the constant
-// that makes it a pure power (a logarithm, of d over one metre, for beta = 1).
+// Integral of strength * d^-beta over d: from the cutoff, where it is zero, or without one.
 inline double power_law_energy(const PowerLaw &law, double distance, double cutoff)
 {
   if (law.strength == 0.0) return 0.0;
@@ -106,8 +128,8 @@ inline double power_law_energy(const PowerLaw &law, double distance, double cuto
     const double ratio = growth == 0.0 ? 1.0 : std::expm1(growth) / growth;
     return law.strength * std::pow(cutoff, rest) * logarithm * ratio;
   }
-  if (rest == 0.0) return law.strength * std::log(distance);
-  return law.strength * law.integral_power(rest > 0.0 ? distance : 1.0 / distance) / rest;
+  const auto power = [distance](double growth) { return std::pow(distance, growth); };
+  return BarePotential(law)(std::log(distance), power);
 }
 
 inline double bare_near_field_energy(const NearField &field, double distance, double cutoff)
@@ -136,6 +158,13 @@ inline double switched_energy(const NearField &field, double distance)
     distance = end;
   }
   return energy;
+}
+
+// The operator (1/d) d/dd turns d^(-beta - 2 m + 1), the m-th such derivative of the potential of a
+// term for m > 0, into d^-2 times itself times this.
+inline double radial_derivative_factor(double exponent, int derivative)
+{
+  return -(exponent + 2.0 * derivative - 1.0);
 }
 
 // Potential for unit factors: the force along n_ij is its derivative. Zero at the cutoff.

@@ -1,5 +1,7 @@
 #include "near_field_sum.h"
 
+#include "inverse_root.h"
+#include "near_field_powers.h"
 #include "vector3.h"
 #include "vector_clones.h"
 
@@ -8,6 +10,7 @@
 
 using namespace LAMMPS_NS;
 using blast::NearField;
+using blast::Vector3;
 
 void FieldSources::resize(size_t count)
 {
@@ -29,89 +32,28 @@ void FieldForces::clear(size_t count)
 
 namespace {
 
-// A whole exponent known to the compiler.
-template <int EXPONENT> struct WholePower {
-  BLAST_INLINE double operator()(double base) const
-  {
-    if constexpr (EXPONENT == 0)
-      return 1.0;
-    else if constexpr (EXPONENT % 2 == 0)
-      return WholePower<EXPONENT / 2>()(base * base);
-    else
-      return base * WholePower<EXPONENT / 2>()(base * base);
-  }
-};
+// So many sources, with what they feel, stay in the nearest cache while all targets pass by.
+constexpr int SOURCES_AT_ONCE = 256;
 
-// A whole exponent up to 15 or, with HALVES, a half one, known at run time: a product over the bits
-// of the exponent, each factor either the power of two of the base or one.
-template <bool HALVES> struct BinaryPower {
-  double as_is[5], one[5];
-  explicit BinaryPower(int twice)
-  {
-    for (int bit = 0; bit < 5; bit++) {
-      as_is[bit] = (twice >> bit) & 1 ? 1.0 : 0.0;
-      one[bit] = 1.0 - as_is[bit];
-    }
-  }
-  BLAST_INLINE double operator()(double base) const
-  {
-    double power = 1.0;
-    if (HALVES) power = as_is[0] * std::sqrt(base) + one[0];
-    double square = base;
-    for (int bit = 1; bit < 5; bit++) {
-      power *= as_is[bit] * square + one[bit];
-      square *= square;
-    }
-    return power;
-  }
-};
-
-// Eq. 7.23 over the distance, so that it can be multiplied with the offset.
-template <class AttractionPower, class RepulsionPower> struct FieldByPowers {
-  double attraction, repulsion;
-  AttractionPower attraction_power;
-  RepulsionPower repulsion_power;
-  BLAST_INLINE double operator()(double inverse) const
-  {
-    return inverse * blast::near_field_balance(attraction, attraction_power, repulsion,
-                                               repulsion_power, inverse);
-  }
-};
-
-// Calls `sum` with the cheapest law that has the exponents of the field.
-template <class Sum> BLAST_INLINE double with_law_of(const NearField &field, const Sum &sum)
+BLAST_INLINE Vector3 place(const FieldSources &sources, int k)
 {
-  const double a = field.attraction.strength, r = field.repulsion.strength;
-  const auto by = [a, r](const auto &attraction_power, const auto &repulsion_power) {
-    return FieldByPowers<std::decay_t<decltype(attraction_power)>,
-                         std::decay_t<decltype(repulsion_power)>>{a, r, attraction_power,
-                                                                  repulsion_power};
-  };
-  // An exponent does not matter where the strength is zero.
-  int twice_a = field.attraction.power.twice, twice_r = field.repulsion.power.twice;
-  if (a == 0.0) twice_a = twice_r == 4 ? 2 : twice_r;
-  if (r == 0.0) twice_r = twice_a == 2 ? 4 : twice_a;
-
-  if (twice_a == 2 && twice_r == 4) return sum(by(WholePower<1>(), WholePower<2>()));
-  if (twice_a == 4 && twice_r == 2) return sum(by(WholePower<2>(), WholePower<1>()));
-  if (twice_a == 4 && twice_r == 4) return sum(by(WholePower<2>(), WholePower<2>()));
-  if (twice_a == 2 && twice_r == 6) return sum(by(WholePower<1>(), WholePower<3>()));
-  if (twice_a == 4 && twice_r == 6) return sum(by(WholePower<2>(), WholePower<3>()));
-  constexpr int largest = 31;
-  if (twice_a >= 0 && twice_r >= 0 && std::max(twice_a, twice_r) <= largest) {
-    if (twice_a % 2 == 0 && twice_r % 2 == 0)
-      return sum(by(BinaryPower<false>(twice_a), BinaryPower<false>(twice_r)));
-    return sum(by(BinaryPower<true>(twice_a), BinaryPower<true>(twice_r)));
-  }
-  return sum(by(field.attraction.power, field.repulsion.power));
+  return {sources.x[k], sources.y[k], sources.z[k]};
 }
 
-// One target among the sources of a range: adds the force per factor of the target to `on_target`.
-// With MUTUAL the sources are targets as well, and feel the opposite.
-template <bool MUTUAL, class Law>
-BLAST_INLINE double sum_row(const Law law, const blast::Vector3 target, double target_factor,
-                            const FieldSources &sources, Range range, blast::Vector3 &on_target,
-                            FieldForces *on_sources)
+BLAST_INLINE void add(FieldForces &forces, int k, const Vector3 &force)
+{
+  forces.x[k] += force.x;
+  forces.y[k] += force.y;
+  forces.z[k] += force.z;
+}
+
+// TARGETS (one or two) consecutive targets among the sources of a range: adds the forces per factor
+// to `on_targets`. With MUTUAL the targets are sources' fellows, and the sources feel the opposite.
+// Each source, once loaded, serves both targets.
+template <int TARGETS, bool MUTUAL, class Root, class Law>
+BLAST_INLINE double sum_rows(const Law &law, const FieldSources &targets, int target,
+                             const FieldSources &sources, Range range, FieldForces &on_targets,
+                             FieldForces *on_sources)
 {
   const double *__restrict x = sources.x.data(), *__restrict y = sources.y.data(),
                            *__restrict z = sources.z.data(),
@@ -119,73 +61,190 @@ BLAST_INLINE double sum_row(const Law law, const blast::Vector3 target, double t
   double *__restrict fx = MUTUAL ? on_sources->x.data() : nullptr;
   double *__restrict fy = MUTUAL ? on_sources->y.data() : nullptr;
   double *__restrict fz = MUTUAL ? on_sources->z.data() : nullptr;
-  double ax = 0.0, ay = 0.0, az = 0.0, nearest = INFINITY;
-#pragma omp simd reduction(+ : ax, ay, az) reduction(min : nearest)
+  const Root inverse_root{};
+  const int other = target + TARGETS - 1;
+  const Vector3 a = place(targets, target), b = place(targets, other);
+  const double factor_a = targets.factor[target], factor_b = targets.factor[other];
+  double ax = 0.0, ay = 0.0, az = 0.0, bx = 0.0, by = 0.0, bz = 0.0, nearest = INFINITY;
+#pragma omp simd reduction(+ : ax, ay, az, bx, by, bz) reduction(min : nearest)
   for (int j = range.begin; j < range.end; j++) {
-    const double dx = x[j] - target.x, dy = y[j] - target.y, dz = z[j] - target.z;
+    const double dx = x[j] - a.x, dy = y[j] - a.y, dz = z[j] - a.z;
     const double square = dx * dx + dy * dy + dz * dz;
     nearest = square < nearest ? square : nearest;
-    const double force = law(1.0 / std::sqrt(square));
-    const double on_row = factor[j] * force;
-    ax += on_row * dx;
-    ay += on_row * dy;
-    az += on_row * dz;
+    const double force = law(inverse_root(square));
+    const double on_a = factor[j] * force;
+    ax += on_a * dx;
+    ay += on_a * dy;
+    az += on_a * dz;
+    double from_a = factor_a * force, rx = from_a * dx, ry = from_a * dy, rz = from_a * dz;
+    if constexpr (TARGETS == 2) {
+      const double ex = x[j] - b.x, ey = y[j] - b.y, ez = z[j] - b.z;
+      const double square_b = ex * ex + ey * ey + ez * ez;
+      nearest = square_b < nearest ? square_b : nearest;
+      const double force_b = law(inverse_root(square_b));
+      const double on_b = factor[j] * force_b, from_b = factor_b * force_b;
+      bx += on_b * ex;
+      by += on_b * ey;
+      bz += on_b * ez;
+      rx += from_b * ex;
+      ry += from_b * ey;
+      rz += from_b * ez;
+    }
     if constexpr (MUTUAL) {
-      const double on_source = target_factor * force;
-      fx[j] -= on_source * dx;
-      fy[j] -= on_source * dy;
-      fz[j] -= on_source * dz;
+      fx[j] -= rx;
+      fy[j] -= ry;
+      fz[j] -= rz;
     }
   }
-  on_target += {ax, ay, az};
+  add(on_targets, target, {ax, ay, az});
+  if constexpr (TARGETS == 2) add(on_targets, other, {bx, by, bz});
   return nearest;
 }
 
-BLAST_INLINE blast::Vector3 place(const FieldSources &sources, int k)
+template <bool MUTUAL, class Root, class Law>
+BLAST_INLINE double sum_targets(const Law &law, const FieldSources &targets, Range target_range,
+                                const FieldSources &sources, Range source_range,
+                                FieldForces &on_targets, FieldForces *on_sources)
 {
-  return {sources.x[k], sources.y[k], sources.z[k]};
+  double nearest = INFINITY;
+  for (int first = source_range.begin; first < source_range.end; first += SOURCES_AT_ONCE) {
+    const Range range{first, std::min(source_range.end, first + SOURCES_AT_ONCE)};
+    int i = target_range.begin;
+    for (; i + 1 < target_range.end; i += 2)
+      nearest = std::fmin(nearest, sum_rows<2, MUTUAL, Root>(law, targets, i, sources, range,
+                                                             on_targets, on_sources));
+    if (i < target_range.end)
+      nearest = std::fmin(nearest, sum_rows<1, MUTUAL, Root>(law, targets, i, sources, range,
+                                                             on_targets, on_sources));
+  }
+  return nearest;
 }
 
-BLAST_INLINE void add(FieldForces &forces, int k, const blast::Vector3 &force)
+template <class Root>
+BLAST_INLINE double among(const NearField &field, const FieldSources &particles, Range range,
+                          FieldForces &forces)
 {
-  forces.x[k] += force.x;
-  forces.y[k] += force.y;
-  forces.z[k] += force.z;
+  return with_law_of(field, [&](const auto &law) __attribute__((always_inline)) {
+    double nearest = INFINITY;
+    for (int first = range.begin; first < range.end; first += SOURCES_AT_ONCE) {
+      const int end = std::min(range.end, first + SOURCES_AT_ONCE);
+      for (int i = first; i < end; i++)
+        nearest = std::fmin(nearest, sum_rows<1, true, Root>(law, particles, i, particles,
+                                                             {i + 1, end}, forces, &forces));
+      nearest = std::fmin(nearest, sum_targets<true, Root>(law, particles, {first, end}, particles,
+                                                           {end, range.end}, forces, &forces));
+    }
+    return nearest;
+  });
+}
+
+template <bool MUTUAL, class Root>
+BLAST_INLINE double from(const NearField &field, const FieldSources &targets, Range target_range,
+                         const FieldSources &sources, Range source_range, FieldForces &on_targets,
+                         FieldForces *on_sources)
+{
+  return with_law_of(field, [&](const auto &law) __attribute__((always_inline)) {
+    return sum_targets<MUTUAL, Root>(law, targets, target_range, sources, source_range, on_targets,
+                                     on_sources);
+  });
+}
+
+BLAST_WIDE double among_wide(const NearField &field, const FieldSources &particles, Range range,
+                             FieldForces &forces)
+{
+  return among<IteratedRoot>(field, particles, range, forces);
+}
+
+BLAST_NARROW_CLONES double among_narrow(const NearField &field, const FieldSources &particles,
+                                        Range range, FieldForces &forces)
+{
+  return among<DividedRoot>(field, particles, range, forces);
+}
+
+BLAST_WIDE double between_wide(const NearField &field, const FieldSources &particles, Range a,
+                               Range b, FieldForces &forces)
+{
+  return from<true, IteratedRoot>(field, particles, a, particles, b, forces, &forces);
+}
+
+BLAST_NARROW_CLONES double between_narrow(const NearField &field, const FieldSources &particles,
+                                          Range a, Range b, FieldForces &forces)
+{
+  return from<true, DividedRoot>(field, particles, a, particles, b, forces, &forces);
+}
+
+BLAST_WIDE double from_wide(const NearField &field, const FieldSources &targets, Range target_range,
+                            const FieldSources &sources, Range source_range,
+                            FieldForces &on_targets)
+{
+  return from<false, IteratedRoot>(field, targets, target_range, sources, source_range, on_targets,
+                                   nullptr);
+}
+
+BLAST_NARROW_CLONES double from_narrow(const NearField &field, const FieldSources &targets,
+                                       Range target_range, const FieldSources &sources,
+                                       Range source_range, FieldForces &on_targets)
+{
+  return from<false, DividedRoot>(field, targets, target_range, sources, source_range, on_targets,
+                                  nullptr);
+}
+
+BLAST_INLINE double potential_in(const NearField &field, const Vector3 &target,
+                                 const FieldSources &sources, Range range)
+{
+  const double *__restrict x = sources.x.data(), *__restrict y = sources.y.data(),
+                           *__restrict z = sources.z.data(),
+                           *__restrict factor = sources.factor.data();
+  const blast::BarePotential attraction(field.attraction), repulsion(field.repulsion);
+  double potential = 0.0;
+#pragma omp simd reduction(+ : potential)
+  for (int j = range.begin; j < range.end; j++) {
+    const double dx = x[j] - target.x, dy = y[j] - target.y, dz = z[j] - target.z;
+    const double logarithm = 0.5 * log(dx * dx + dy * dy + dz * dz);
+    const auto power = [logarithm](double growth) { return exp(growth * logarithm); };
+    potential += factor[j] * (attraction(logarithm, power) - repulsion(logarithm, power));
+  }
+  return potential;
 }
 
 } // namespace
 
 namespace LAMMPS_NS {
 
-BLAST_VECTOR_CLONES double sum_among(const NearField &field, const FieldSources &particles,
-                                     Range range, FieldForces &forces)
+double sum_among(const NearField &field, const FieldSources &particles, Range range,
+                 FieldForces &forces)
 {
-  return with_law_of(field, [&](const auto &law) __attribute__((always_inline)) {
-    double nearest = INFINITY;
-    for (int i = range.begin; i < range.end; i++) {
-      blast::Vector3 force;
-      nearest = std::fmin(nearest, sum_row<true>(law, place(particles, i), particles.factor[i],
-                                                 particles, {i + 1, range.end}, force, &forces));
-      add(forces, i, force);
-    }
-    return nearest;
-  });
+  return has_wide_vectors() ? among_wide(field, particles, range, forces)
+                            : among_narrow(field, particles, range, forces);
 }
 
-BLAST_VECTOR_CLONES double sum_from(const NearField &field, const FieldSources &targets,
-                                    Range target_range, const FieldSources &sources,
-                                    Range source_range, FieldForces &on_targets)
+double sum_between(const NearField &field, const FieldSources &particles, Range a, Range b,
+                   FieldForces &forces)
 {
-  return with_law_of(field, [&](const auto &law) __attribute__((always_inline)) {
-    double nearest = INFINITY;
-    for (int i = target_range.begin; i < target_range.end; i++) {
-      blast::Vector3 force;
-      nearest = std::fmin(nearest, sum_row<false>(law, place(targets, i), 0.0, sources,
-                                                  source_range, force, nullptr));
-      add(on_targets, i, force);
-    }
-    return nearest;
-  });
+  return has_wide_vectors() ? between_wide(field, particles, a, b, forces)
+                            : between_narrow(field, particles, a, b, forces);
+}
+
+double sum_from(const NearField &field, const FieldSources &targets, Range target_range,
+                const FieldSources &sources, Range source_range, FieldForces &on_targets)
+{
+  return has_wide_vectors()
+             ? from_wide(field, targets, target_range, sources, source_range, on_targets)
+             : from_narrow(field, targets, target_range, sources, source_range, on_targets);
+}
+
+BLAST_VECTOR_CLONES void sum_potential_from(const NearField &field, const FieldSources &targets,
+                                            Range target_range, const FieldSources &sources,
+                                            Range source_range, double *potential)
+{
+  const bool among_themselves = &targets == &sources;
+  for (int i = target_range.begin; i < target_range.end; i++) {
+    const bool is_source = among_themselves && i >= source_range.begin && i < source_range.end;
+    const int end = is_source ? i : source_range.end;
+    const Vector3 target = place(targets, i);
+    potential[i] += potential_in(field, target, sources, {source_range.begin, end});
+    if (is_source) potential[i] += potential_in(field, target, sources, {i + 1, source_range.end});
+  }
 }
 
 } // namespace LAMMPS_NS

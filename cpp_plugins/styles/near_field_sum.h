@@ -5,6 +5,7 @@
 
 #include "near_field.h"
 
+#include <cstddef>
 #include <vector>
 
 namespace LAMMPS_NS {
@@ -21,6 +22,9 @@ struct FieldSources {
 // A run of consecutive particles.
 struct Range {
   int begin, end;
+
+  bool empty() const { return begin >= end; }
+  int size() const { return end - begin; }
 };
 
 // Forces per factor of the particle that they act on: its own factor is still to be multiplied.
@@ -33,10 +37,19 @@ struct FieldForces {
 // Adds what the particles of a range do to each other; returns the smallest square of a distance.
 double sum_among(const blast::NearField &, const FieldSources &, Range, FieldForces &);
 
+// Adds what the particles of two ranges, which do not overlap, do to each other; returns the
+// smallest square of a distance.
+double sum_between(const blast::NearField &, const FieldSources &, Range, Range, FieldForces &);
+
 // Adds what the sources of a range do to the targets of another; the two do not overlap. Returns
 // the smallest square of a distance.
 double sum_from(const blast::NearField &, const FieldSources &targets, Range target_range,
                 const FieldSources &sources, Range source_range, FieldForces &on_targets);
+
+// Adds the potentials, per factor of the target, of the sources of a range at the targets of
+// another, to `potential` by index of the target. A target does not meet itself.
+void sum_potential_from(const blast::NearField &, const FieldSources &targets, Range target_range,
+                        const FieldSources &sources, Range source_range, double *potential);
 
 } // namespace LAMMPS_NS
 

@@ -18,6 +18,7 @@
 #include <cmath>
 #include <cstring>
 #include <numeric>
+#include <tuple>
 
 using namespace LAMMPS_NS;
 using blast::NearField;
@@ -26,14 +27,20 @@ using blast::Vector3;
 
 static constexpr char STYLE[] = "Pair blast/nearfield";
 
+// What compute pair gives beside the energy.
+enum { ERROR, ORDER, OPENING, APPROXIMATION_NUMBERS };
+
 PairBlastNearField::PairBlastNearField(LAMMPS *lmp) : Pair(lmp)
 {
   restartinfo = 1;
   single_enable = 1;
+  nextra = APPROXIMATION_NUMBERS;
+  pvector = new double[nextra]();
 }
 
 PairBlastNearField::~PairBlastNearField()
 {
+  delete[] pvector;
   if (copymode || !allocated) return;
   memory->destroy(setflag);
   memory->destroy(cutsq);
@@ -68,16 +75,22 @@ void PairBlastNearField::settings(int narg, char **arg)
   else
     error->all(FLERR, "Unknown {} scaling: {} (mass, area, volume or charge)", STYLE, arg[1]);
 
-  switch_width = 0.0;
+  switch_width = accuracy = 0.0;
+  method = SummationMethod::direct;
   signs.clear();
   for (int iarg = 2; iarg < narg; iarg += 2) {
     require_arguments(lmp, STYLE, iarg, 1, narg, arg);
+    const char *value = arg[iarg + 1];
     if (strcmp(arg[iarg], "switch") == 0) {
-      switch_width = positive_argument(lmp, STYLE, "switch", arg[iarg + 1]);
+      switch_width = positive_argument(lmp, STYLE, "switch", value);
     } else if (strcmp(arg[iarg], "signs") == 0) {
-      signs = arg[iarg + 1];
+      signs = value;
       if (!utils::strmatch(signs, "^i_."))
         error->all(FLERR, "{} signs must name an integer property i_NAME: {}", STYLE, signs);
+    } else if (strcmp(arg[iarg], "method") == 0) {
+      method = method_argument(value);
+    } else if (strcmp(arg[iarg], "accuracy") == 0) {
+      accuracy = positive_argument(lmp, STYLE, "accuracy", value);
     } else {
       error->all(FLERR, "Unknown {} keyword: {}", STYLE, arg[iarg]);
     }
@@ -86,12 +99,37 @@ void PairBlastNearField::settings(int narg, char **arg)
     error->all(FLERR, "{} switch must be narrower than a cutoff", STYLE);
   if (!signs.empty() && scaling == Scaling::charge)
     error->all(FLERR, "{} with scaling charge takes signs from the charges", STYLE);
+  const bool is_direct = method == SummationMethod::direct;
+  if (!all_pairs && (!is_direct || accuracy > 0.0))
+    error->all(FLERR, "{} method and accuracy go with `all` only", STYLE);
+  if (is_direct != (accuracy == 0.0))
+    error->all(FLERR, "{} methods tree and auto need an accuracy, direct has none", STYLE);
+  if (accuracy >= 1.0) error->all(FLERR, "{} accuracy must be less than 1: {}", STYLE, accuracy);
+  set_up_sum();
 
   // Settings given anew hold for the coefficients given before.
   for (NearField &given : fields) {
     given.cutoff = cutoff;
     given.switch_width = switch_width;
   }
+}
+
+SummationMethod PairBlastNearField::method_argument(const char *word) const
+{
+  if (strcmp(word, "direct") == 0) return SummationMethod::direct;
+  if (strcmp(word, "tree") == 0) return SummationMethod::tree;
+  if (strcmp(word, "auto") == 0) return SummationMethod::automatic;
+  error->all(FLERR, "Unknown {} method: {} (direct, tree or auto)", STYLE, word);
+  return SummationMethod::direct;
+}
+
+void PairBlastNearField::set_up_sum()
+{
+  sum.reset();
+  if (all_pairs)
+    sum = std::make_unique<AllPairsSum>(
+        lmp, method, accuracy,
+        [this](int itype, int jtype) -> const NearField & { return field(itype, jtype); });
 }
 
 void PairBlastNearField::coeff(int narg, char **arg)
@@ -229,172 +267,71 @@ void PairBlastNearField::compute_by_list()
 
 void PairBlastNearField::compute_all_pairs()
 {
-  if (neighbor->ago == 0) arrange_everyone();
-  gather_everyone();
-  forces.clear(everyone.place.size());
-  if (sum_share() == 0.0) find_coincidence();
-  collect_forces();
-
-  int n = 0;
-  for (int t = 1; t <= types; t++)
-    for (int k = everyone.own_of_type[t].begin; k < everyone.own_of_type[t].end; k++) {
-      const int i = everyone.own[n++];
-      const Vector3 per_factor(forces.x[k], forces.y[k], forces.z[k]);
-      (Vector3(atom->f[i]) + factors[i] * per_factor).store(atom->f[i]);
-    }
-  if (evflag) tally_all_pairs();
+  if (sum->compute(factors, eflag_either)) find_coincidence();
+  for (int i = 0; i < atom->nlocal; i++)
+    (Vector3(atom->f[i]) + factors[i] * sum->force_on(i)).store(atom->f[i]);
+  if (comm->me == 0) report_approximation();
+  if (vflag_atom || cvflag_atom || num_tally_compute > 0)
+    tally_pair_by_pair();
+  else
+    tally_all_pairs();
 }
 
-// Collects numbers of all ranks, `each` per particle, in the order of ranks.
-template <class Number>
-std::vector<Number> PairBlastNearField::gathered(const std::vector<Number> &ours, int each,
-                                                 MPI_Datatype datatype) const
+// Compute pair adds up the numbers of all ranks.
+void PairBlastNearField::report_approximation()
 {
-  std::vector<int> counts(everyone.counts), offsets(everyone.offsets);
-  for (int &count : counts) count *= each;
-  for (int &offset : offsets) offset *= each;
-  std::vector<Number> all(everyone.place.size() * each);
-  MPI_Allgatherv(ours.data(), static_cast<int>(ours.size()), datatype, all.data(), counts.data(),
-                 offsets.data(), datatype, world);
-  return all;
+  const AllPairsSum::Approximation &used = sum->approximation();
+  pvector[ERROR] = used.error;
+  pvector[ORDER] = used.order;
+  pvector[OPENING] = used.opening;
 }
 
-// Settles who is where among the particles of all ranks, as long as none changes ranks.
-void PairBlastNearField::arrange_everyone()
-{
-  Everyone &all = everyone;
-  all.own.resize(atom->nlocal);
-  std::iota(all.own.begin(), all.own.end(), 0);
-  std::stable_sort(all.own.begin(), all.own.end(),
-                   [this](int i, int j) { return atom->type[i] < atom->type[j]; });
-
-  std::vector<int> ours(types + 1, 0), by_rank((types + 1) * comm->nprocs);
-  for (const int i : all.own) ours[atom->type[i]]++;
-  MPI_Allgather(ours.data(), types + 1, MPI_INT, by_rank.data(), types + 1, MPI_INT, world);
-
-  all.counts.assign(comm->nprocs, 0);
-  all.offsets.assign(comm->nprocs, 0);
-  for (int rank = 0; rank < comm->nprocs; rank++) {
-    if (rank > 0) all.offsets[rank] = all.offsets[rank - 1] + all.counts[rank - 1];
-    const int *first = &by_rank[rank * (types + 1)];
-    all.counts[rank] = std::accumulate(first, first + types + 1, 0);
-  }
-  all.place.resize(all.offsets.back() + all.counts.back());
-
-  all.of_type.assign(types + 1, {0, 0});
-  all.own_of_type.assign(types + 1, {0, 0});
-  std::vector<int> next = all.offsets; // by rank, the next of its particles in the gathered list
-  int place = 0;
-  for (int t = 1; t <= types; t++) {
-    all.of_type[t].begin = place;
-    for (int rank = 0; rank < comm->nprocs; rank++) {
-      const int count = by_rank[rank * (types + 1) + t];
-      if (rank == comm->me) all.own_of_type[t] = {place, place + count};
-      for (int k = 0; k < count; k++) all.place[next[rank]++] = place++;
-    }
-    all.of_type[t].end = place;
-  }
-
-  std::vector<tagint> own_tags;
-  for (const int i : all.own) own_tags.push_back(atom->tag[i]);
-  const std::vector<tagint> tags = gathered(own_tags, 1, MPI_LMP_TAGINT);
-  all.tag.resize(tags.size());
-  for (size_t g = 0; g < tags.size(); g++) all.tag[all.place[g]] = tags[g];
-  all.sources.resize(tags.size());
-  all.share = share_of(comm->me);
-}
-
-// Equal shares of all particles: however they lie on the ranks, the ranks have the same work.
-Range PairBlastNearField::share_of(int rank) const
-{
-  const bigint count = static_cast<bigint>(everyone.place.size());
-  return {static_cast<int>(count * rank / comm->nprocs),
-          static_cast<int>(count * (rank + 1) / comm->nprocs)};
-}
-
-void PairBlastNearField::gather_everyone()
-{
-  constexpr int each = 4; // position and factor
-  std::vector<double> ours;
-  ours.reserve(each * everyone.own.size());
-  for (const int i : everyone.own)
-    ours.insert(ours.end(), {atom->x[i][0], atom->x[i][1], atom->x[i][2], factors[i]});
-  const std::vector<double> all = gathered(ours, each, MPI_DOUBLE);
-  for (size_t g = 0; g < everyone.place.size(); g++)
-    everyone.sources.set(everyone.place[g], &all[each * g], all[each * g + 3]);
-}
-
-// Sums the forces on the particles of our share; returns the smallest square of a distance.
-double PairBlastNearField::sum_share()
-{
-  double nearest = INFINITY;
-  const FieldSources &all = everyone.sources;
-  for (int t = 1; t <= types; t++) {
-    const Range of_type = everyone.of_type[t];
-    const Range targets{std::max(of_type.begin, everyone.share.begin),
-                        std::min(of_type.end, everyone.share.end)};
-    if (targets.begin >= targets.end) continue;
-    nearest = std::fmin(nearest, sum_among(field(t, t), all, targets, forces));
-    for (int u = 1; u <= types; u++) {
-      const Range others = everyone.of_type[u];
-      // All of another type; of the same type those before and after our share.
-      const Range before{others.begin, t == u ? targets.begin : others.end};
-      const Range after{t == u ? targets.end : others.end, others.end};
-      for (const Range range : {before, after})
-        nearest = std::fmin(nearest, sum_from(field(t, u), all, targets, all, range, forces));
-    }
-  }
-  return nearest;
-}
-
-// Brings the forces of all shares together.
-void PairBlastNearField::collect_forces()
-{
-  if (comm->nprocs == 1) return;
-  std::vector<int> counts, offsets;
-  for (int rank = 0; rank < comm->nprocs; rank++) {
-    const Range share = share_of(rank);
-    offsets.push_back(share.begin);
-    counts.push_back(share.end - share.begin);
-  }
-  for (auto *column : {&forces.x, &forces.y, &forces.z})
-    MPI_Allgatherv(MPI_IN_PLACE, 0, MPI_DATATYPE_NULL, column->data(), counts.data(),
-                   offsets.data(), MPI_DOUBLE, world);
-}
-
-// Energy and virial, which few steps ask for. A pair of ours is met once; one with a particle of
-// another rank is met by both ranks, and counts half on each.
+// Half the energy of every pair belongs to each of its particles. The virial of forces between
+// pairs is that of the sums on the particles.
 void PairBlastNearField::tally_all_pairs()
 {
-  const FieldSources &all = everyone.sources;
-  const auto local_index = [this](int type, int place, int first) {
-    return everyone.own[first + place - everyone.own_of_type[type].begin];
-  };
-  int first_of_t = 0;
-  for (int t = 1; t <= types; t++) {
-    const Range own = everyone.own_of_type[t];
-    int first_of_u = 0;
-    for (int u = 1; u <= types; u++) {
-      const Range own_u = everyone.own_of_type[u];
-      for (int i = own.begin; i < own.end; i++)
-        for (int k = everyone.of_type[u].begin; k < everyone.of_type[u].end; k++) {
-          const bool is_ours = k >= own_u.begin && k < own_u.end;
-          if (is_ours && k <= i) continue;
-          const Vector3 offset(all.x[k] - all.x[i], all.y[k] - all.y[i], all.z[k] - all.z[i]);
-          const double distance = norm(offset), both = all.factor[i] * all.factor[k];
-          const double energy =
-              eflag_either ? both * near_field_energy(field(t, u), distance) : 0.0;
-          const double fpair = -both * near_field_force(field(t, u), distance) / distance;
-          const int local_i = local_index(t, i, first_of_t);
-          if (is_ours)
-            ev_tally(local_i, local_index(u, k, first_of_u), atom->nlocal, 1, energy, 0.0, fpair,
-                     -offset.x, -offset.y, -offset.z);
-          else
-            ev_tally_full(local_i, energy, 0.0, fpair, -offset.x, -offset.y, -offset.z);
-        }
-      first_of_u += own_u.end - own_u.begin;
+  for (int i = 0; i < atom->nlocal; i++) {
+    if (eflag_either) {
+      const double energy = 0.5 * factors[i] * sum->potential_of(i);
+      if (eflag_global) eng_vdwl += energy;
+      if (eflag_atom) eatom[i] += energy;
     }
-    first_of_t += own.end - own.begin;
+    if (vflag_global) {
+      const Vector3 force = factors[i] * sum->force_on(i);
+      const double *x = atom->x[i];
+      const double products[] = {x[0] * force.x, x[1] * force.y, x[2] * force.z,
+                                 x[0] * force.y, x[0] * force.z, x[1] * force.z};
+      for (int k = 0; k < 6; k++) virial[k] += products[k];
+    }
+  }
+}
+
+// What sums cannot give, which few steps ask for. A pair of ours is met once; one with a particle
+// of another rank is met by both ranks, and counts half on each.
+void PairBlastNearField::tally_pair_by_pair()
+{
+  const GatheredParticles &everyone = sum->everyone();
+  const FieldSources &all = everyone.sources;
+  std::vector<int> local_index(everyone.count(), -1);
+  for (int i = 0; i < atom->nlocal; i++) local_index[everyone.own_place[i]] = i;
+
+  for (int i = 0; i < atom->nlocal; i++) {
+    const int at = everyone.own_place[i];
+    for (size_t group = 0; group < everyone.groups.size(); group++) {
+      const NearField &between = sum->field_on(atom->type[i], static_cast<int>(group));
+      for (int k = everyone.groups[group].begin; k < everyone.groups[group].end; k++) {
+        const int j = local_index[k];
+        if (j >= 0 && j <= i) continue;
+        const Vector3 offset(all.x[k] - all.x[at], all.y[k] - all.y[at], all.z[k] - all.z[at]);
+        const double distance = norm(offset), both = all.factor[at] * all.factor[k];
+        const double energy = eflag_either ? both * near_field_energy(between, distance) : 0.0;
+        const double fpair = -both * near_field_force(between, distance) / distance;
+        if (j >= 0)
+          ev_tally(i, j, atom->nlocal, 1, energy, 0.0, fpair, -offset.x, -offset.y, -offset.z);
+        else
+          ev_tally_full(i, energy, 0.0, fpair, -offset.x, -offset.y, -offset.z);
+      }
+    }
   }
 }
 
@@ -417,20 +354,23 @@ void PairBlastNearField::stop_at_coincidence(tagint first, tagint second)
 
 void PairBlastNearField::find_coincidence()
 {
+  const GatheredParticles &everyone = sum->everyone();
   const FieldSources &all = everyone.sources;
-  for (int i = everyone.share.begin; i < everyone.share.end; i++)
-    for (size_t k = 0; k < all.x.size(); k++)
-      if (static_cast<int>(k) != i && all.x[k] == all.x[i] && all.y[k] == all.y[i] &&
-          all.z[k] == all.z[i])
-        stop_at_coincidence(everyone.tag[i], everyone.tag[k]);
+  const auto key = [&all](int k) { return std::make_tuple(all.x[k], all.y[k], all.z[k]); };
+  std::vector<int> sorted(everyone.count());
+  std::iota(sorted.begin(), sorted.end(), 0);
+  std::sort(sorted.begin(), sorted.end(), [&key](int a, int b) { return key(a) < key(b); });
+  for (size_t k = 1; k < sorted.size(); k++)
+    if (key(sorted[k - 1]) == key(sorted[k]))
+      stop_at_coincidence(everyone.tag[sorted[k - 1]], everyone.tag[sorted[k]]);
   error->one(FLERR, "{}: two atoms are too close for their distance to be squared", STYLE);
 }
 
 void PairBlastNearField::write_restart_settings(FILE *fp)
 {
-  const int integers[] = {all_pairs ? 1 : 0, static_cast<int>(scaling),
+  const int integers[] = {all_pairs ? 1 : 0, static_cast<int>(scaling), static_cast<int>(method),
                           static_cast<int>(signs.size())};
-  const double numbers[] = {cutoff, switch_width};
+  const double numbers[] = {cutoff, switch_width, accuracy};
   fwrite(integers, sizeof(integers), 1, fp);
   fwrite(numbers, sizeof(numbers), 1, fp);
   fwrite(signs.data(), 1, signs.size(), fp);
@@ -438,23 +378,26 @@ void PairBlastNearField::write_restart_settings(FILE *fp)
 
 void PairBlastNearField::read_restart_settings(FILE *fp)
 {
-  int integers[3];
-  double numbers[2];
+  int integers[4];
+  double numbers[3];
   if (comm->me == 0) {
     utils::sfread(FLERR, integers, sizeof(integers), 1, fp, nullptr, error);
     utils::sfread(FLERR, numbers, sizeof(numbers), 1, fp, nullptr, error);
   }
-  MPI_Bcast(integers, 3, MPI_INT, 0, world);
-  MPI_Bcast(numbers, 2, MPI_DOUBLE, 0, world);
-  signs.resize(integers[2]);
+  MPI_Bcast(integers, 4, MPI_INT, 0, world);
+  MPI_Bcast(numbers, 3, MPI_DOUBLE, 0, world);
+  signs.resize(integers[3]);
   if (comm->me == 0 && !signs.empty())
     utils::sfread(FLERR, &signs[0], 1, signs.size(), fp, nullptr, error);
-  MPI_Bcast(&signs[0], integers[2], MPI_CHAR, 0, world);
+  MPI_Bcast(&signs[0], integers[3], MPI_CHAR, 0, world);
   all_pairs = integers[0] == 1;
   no_virial_fdotr_compute = integers[0];
   scaling = static_cast<Scaling>(integers[1]);
   cutoff = numbers[0];
   switch_width = numbers[1];
+  method = static_cast<SummationMethod>(integers[2]);
+  accuracy = numbers[2];
+  set_up_sum();
 }
 
 void PairBlastNearField::write_restart(FILE *fp)
@@ -494,7 +437,6 @@ void PairBlastNearField::read_restart(FILE *fp)
 
 double PairBlastNearField::memory_usage()
 {
-  const double per_particle = 8.0 * sizeof(double) + sizeof(int) + sizeof(tagint);
   return Pair::memory_usage() + factors.capacity() * sizeof(double) +
-         everyone.place.capacity() * per_particle;
+         (sum ? sum->memory_usage() : 0.0);
 }

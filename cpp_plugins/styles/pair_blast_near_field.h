@@ -1,16 +1,16 @@
 // pair_style blast/nearfield: attraction and repulsion by real powers of the distance, cut off with
-// a neighbour list, or summed over all pairs without one.
+// a neighbour list, or summed over all pairs without one, directly or by tree.
 
 #ifndef BLAST_STYLES_PAIR_BLAST_NEAR_FIELD_H
 #define BLAST_STYLES_PAIR_BLAST_NEAR_FIELD_H
 
+#include "all_pairs_sum.h"
 #include "near_field.h"
-#include "near_field_sum.h"
 #include "vector3.h"
 
 #include "pair.h"
 
-#include <mpi.h>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -34,33 +34,18 @@ public:
   double memory_usage() override;
 
 private:
-  // The particles of all ranks for the sum over all pairs: sorted by type and, within a type, by
-  // rank, so that all of one type, and our own among them, lie in a row.
-  struct Everyone {
-    FieldSources sources;
-    std::vector<tagint> tag;
-    std::vector<Range> of_type, own_of_type; // in `sources`
-    Range share;                             // of this rank in the work, in `sources`
-    std::vector<int> own;                    // our local indices, by type
-    std::vector<int> counts, offsets;        // of particles gathered from each rank
-    std::vector<int> place;                  // in `sources`, of each particle gathered
-  };
-
   void allocate();
   blast::NearField &field(int itype, int jtype) { return fields[itype * (types + 1) + jtype]; }
+  SummationMethod method_argument(const char *) const;
+  void set_up_sum();
   void work_out_factors();
   const int *sign_property() const;
   double factor_of(int i, const int *sign) const;
   void compute_by_list();
   void compute_all_pairs();
-  void arrange_everyone();
-  void gather_everyone();
-  template <class Number>
-  std::vector<Number> gathered(const std::vector<Number> &ours, int each, MPI_Datatype) const;
-  Range share_of(int rank) const;
-  double sum_share();
-  void collect_forces();
   void tally_all_pairs();
+  void tally_pair_by_pair();
+  void report_approximation();
   [[noreturn]] void stop_at_coincidence(tagint first, tagint second);
   [[noreturn]] void find_coincidence();
 
@@ -71,8 +56,9 @@ private:
   int types = 0;
   std::vector<blast::NearField> fields;
   std::vector<double> factors; // by local index, ghosts too
-  Everyone everyone;
-  FieldForces forces;
+  SummationMethod method = SummationMethod::direct;
+  double accuracy = 0.0; // of a sum that need not be direct
+  std::unique_ptr<AllPairsSum> sum;
 };
 
 } // namespace LAMMPS_NS

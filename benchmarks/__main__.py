@@ -12,6 +12,7 @@ from benchmarks import machine
 from benchmarks.contact import contact_rows
 from benchmarks.contact_ledger import ledger_rows
 from benchmarks.near_field import near_field_rows
+from benchmarks.near_field_tree import tree_rows
 from benchmarks.results import Row
 from benchmarks.step_loop import step_rows
 from benchmarks.table import print_table, write_json
@@ -21,6 +22,7 @@ GROUPS = {
     "steps": step_rows,
     "contact": contact_rows,
     "near-field": near_field_rows,
+    "tree": tree_rows,
     "ledger": ledger_rows,
     "command": command_rows,
 }

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import re
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from lammps_blast.case import Case
 from lammps_blast.deck import system_commands, write_particle_data
@@ -39,28 +44,37 @@ class LammpsLoop:
 
     def __call__(self) -> float:
         """Return ns per step and part."""
-        with tempfile.TemporaryDirectory() as folder:
-            data, log = Path(folder, "particles.data"), Path(folder, "log.lammps")
-            write_particle_data(self.particles, data)
-            lammps = start_lammps(log="none")
-            try:
-                lammps.commands_string(self._deck(data, log))
-            finally:
-                lammps.close()
+        with tempfile.TemporaryDirectory() as folder, self._started(folder) as lammps:
+            log = Path(folder, "log.lammps")
+            lammps.commands_string(
+                f"run {self.warm_up_steps} post no\nlog {log}\nrun {self.steps}\nlog none"
+            )
             parts = self.parts or len(self.particles)
             return 1e9 * _loop_seconds(log) / (parts * self.steps)
 
-    def _deck(self, data: Path, log: Path) -> str:
-        return f"""\
-variable step index {self.step!r}
-{system_commands(self.particles, str(data), self.case)}
-{self.commands}
-thermo 0
-run {self.warm_up_steps} post no
-log {log}
-run {self.steps}
-log none
-"""
+    def forces(self) -> np.ndarray:
+        """Return the forces at the start, shape (N, 3), N, in the order of the particles."""
+        with tempfile.TemporaryDirectory() as folder, self._started(folder) as lammps:
+            lammps.commands_string("run 0 post no")
+            order = np.argsort(lammps.numpy.extract_atom("id")[: len(self.particles)])
+            return lammps.numpy.extract_atom("f")[: len(self.particles)][order]
+
+    @contextmanager
+    def _started(self, folder: str) -> Iterator[Any]:
+        """Give a LAMMPS that is ready to run."""
+        data = Path(folder, "particles.data")
+        write_particle_data(self.particles, data)
+        lammps = start_lammps(log="none")
+        try:
+            lammps.commands_string(
+                f"variable step index {self.step!r}\n"
+                f"{system_commands(self.particles, str(data), self.case)}\n"
+                f"{self.commands}\n"
+                "thermo 0"
+            )
+            yield lammps
+        finally:
+            lammps.close()
 
 
 def _loop_seconds(log: Path) -> float:

@@ -9,14 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from benchmarks.lammps_loop import LammpsLoop
+from benchmarks.plain_kernel import plain_kernels
 from benchmarks.results import Row, Samples, measure_in_turn
 from benchmarks.section_9 import COUNT, PLAIN_INTEGRATION, PULSE_ENERGY, pair_law, section_9
-from lammps_blast.particles import create_particles
+from lammps_blast.case import Case
+from lammps_blast.particles import Particles, create_particles
 
 LIMIT = 1.0  # ns an interaction
 LIST_GOAL = 2.0
+PLAIN_COUNT = 20_000
+PLAIN_GOAL = 1 / 1.15
 WARM_UP_STEPS = 2
 WIDER_THAN_CLOUD = 5.0  # m
 
@@ -43,12 +48,12 @@ class Exponents:
             "repulsion": {"exponent": self.repulsion},
             "cutoff": cutoff,
         }
-        case = section_9(
-            "near_field_all_pairs", contact=None, output={"contacts": False}, near_field=field
-        )
+        if cutoff != "all":
+            field |= {"method": None, "accuracy": None}
+        case, particles = section_9_cloud(COUNT, near_field=field)
         pulse = f"blast_pulse all {COUNT * PULSE_ENERGY} seed 1"
         return LammpsLoop(
-            create_particles(case),
+            particles,
             case.time.step,
             "\n".join([pair_law(case), PLAIN_INTEGRATION, pulse, NO_ENERGIES]),
             steps,
@@ -56,6 +61,19 @@ class Exponents:
             case,
             parts=COUNT * (COUNT - 1) // 2,
         )
+
+
+def section_9_cloud(count: int, **changes: Any) -> tuple[Case, Particles]:
+    """Return section 9 with its near field alone, and a cloud as full as the paper's."""
+    radius = (count / COUNT) ** (1 / 3)
+    case = section_9(
+        "near_field_all_pairs",
+        particles={"count": count, "packing": {"domain_radius": radius, "relax": False}},
+        contact=None,
+        output={"contacts": False},
+        **changes,
+    )
+    return case, create_particles(case)
 
 
 WHOLE = Exponents(1.0, 2.0, steps=200, steps_by_list=30)
@@ -79,7 +97,37 @@ def near_field_rows(repeats: int, tell: Callable[[str], None]) -> list[Row]:
         ),
         _row(WHOLE, whole, by_list, goal=LIST_GOAL),
     ]
-    return rows + [_row(other, *_measure(other, repeats, tell)) for other in OTHERS]
+    rows += [_row(other, *_measure(other, repeats, tell)) for other in OTHERS]
+    return [*rows, _plain_row(repeats, tell)]
+
+
+def _plain_row(repeats: int, tell: Callable[[str], None]) -> Row:
+    """Measure the direct sum of many particles in turn with plain loops made for this machine."""
+    case, particles = section_9_cloud(
+        PLAIN_COUNT, near_field={"method": "direct", "accuracy": None}
+    )
+    ours = LammpsLoop(
+        particles,
+        case.time.step,
+        "\n".join([pair_law(case), PLAIN_INTEGRATION, NO_ENERGIES]),
+        steps=3,
+        warm_up_steps=WARM_UP_STEPS,
+        case=case,
+        parts=PLAIN_COUNT * (PLAIN_COUNT - 1) // 2,
+    )
+    plain = plain_kernels(particles.position)
+    name = f"near field, all pairs of {PLAIN_COUNT:,}"
+    times = measure_in_turn({name: ours} | plain, repeats, tell)
+    best = min((times[loop] for loop in plain), key=lambda samples: samples.best, default=None)
+    return Row(
+        name,
+        times[name],
+        "plain vector loop",
+        best,
+        "ns/pair",
+        goal=PLAIN_GOAL,
+        remark="" if plain else "no compiler",
+    )
 
 
 def _measure(

@@ -47,7 +47,7 @@ class LammpsLoop:
         with tempfile.TemporaryDirectory() as folder, self._started(folder) as lammps:
             log = Path(folder, "log.lammps")
             lammps.commands_string(
-                f"run {self.warm_up_steps} post no\nlog {log}\nrun {self.steps}\nlog none"
+                f"run {self.warm_up_steps} post no\nlog {log}\nrun {self.steps} pre no\nlog none"
             )
             parts = self.parts or len(self.particles)
             return 1e9 * _loop_seconds(log) / (parts * self.steps)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.lammps_loop import LammpsLoop
-from benchmarks.near_field import NO_ENERGIES, WARM_UP_STEPS, section_9_cloud
+from benchmarks.near_field import NO_ENERGIES, section_9_cloud
 from benchmarks.results import Row, Samples, measure_in_turn
 from benchmarks.section_9 import PLAIN_INTEGRATION, pair_law
 
@@ -39,7 +39,7 @@ class TreeCase:
             method = {"method": "tree", "accuracy": self.accuracy}
         case, particles = section_9_cloud(self.count, near_field=method)
         commands = "\n".join([pair_law(case), PLAIN_INTEGRATION, NO_ENERGIES])
-        return LammpsLoop(particles, case.time.step, commands, steps, WARM_UP_STEPS, case)
+        return LammpsLoop(particles, case.time.step, commands, steps, warm_up_steps=0, case=case)
 
 
 def tree_rows(repeats: int, tell: Callable[[str], None]) -> list[Row]:

@@ -385,7 +385,7 @@ class _Binary:
                 "written by several MPI ranks without an id column: the order of the atoms is "
                 "unknown; add id to the dump's columns"
             )
-        parts = [np.frombuffer(frame[a:b], dtype="<f8") for a, b in chunks]
+        parts = [np.frombuffer(frame, "<f8", (b - a) // 8, offset=a) for a, b in chunks]
         numbers = parts[0] if len(parts) == 1 else np.concatenate(parts)
         table = numbers.reshape(header.n_atoms, len(header.columns))
         if len(columns.numeric) < len(columns.written):

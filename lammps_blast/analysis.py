@@ -375,6 +375,19 @@ class _LaunchMap:
         )
 
 
+def _frame_about(axis: Sequence[float]) -> np.ndarray:
+    """Return a right-handed orthonormal frame, one vector a row, the third one along `axis`."""
+    direction = np.asarray(axis, dtype=float)
+    largest = np.abs(direction).max(initial=0.0)
+    if direction.shape != (3,) or not 0.0 < largest < np.inf:
+        given = " ".join(map(str, direction.tolist()))
+        raise AnalysisError(f"the axis of an envelope must be a direction, not {given}")
+    third = direction / largest / np.linalg.norm(direction / largest)
+    first = np.cross(np.eye(3)[np.argmin(np.abs(third))], third)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(third, first), third])
+
+
 class Speeds(AnalysisBase):
     """Speeds of a cloud, and the velocities of a few of its particles, against time.
 

@@ -9,12 +9,14 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks import machine
+from benchmarks.analyses import analysis_rows
 from benchmarks.contact import contact_rows
 from benchmarks.contact_ledger import ledger_rows
 from benchmarks.near_field import near_field_rows
 from benchmarks.results import Row
 from benchmarks.step_loop import step_rows
 from benchmarks.table import print_table, write_json
+from benchmarks.trajectory import trajectory_rows
 from benchmarks.whole_command import command_rows
 
 GROUPS = {
@@ -22,6 +24,8 @@ GROUPS = {
     "contact": contact_rows,
     "near-field": near_field_rows,
     "ledger": ledger_rows,
+    "trajectory": trajectory_rows,
+    "analyses": analysis_rows,
     "command": command_rows,
 }
 WIDTH_OF_FILE = 160  # characters, where the table goes to a file or a pipe

@@ -73,7 +73,12 @@ class Cloud:
     @classmethod
     def of(cls, universe: Universe) -> Cloud:
         """Read the first frame of a Universe."""
-        first = universe.trajectory[0].data
+        return cls.of_frame(universe.trajectory[0])
+
+    @classmethod
+    def of_frame(cls, ts: Timestep) -> Cloud:
+        """Take a frame that has been read."""
+        first = ts.data
         if "mass" not in first:
             warnings.warn(
                 "the dump has no column `mass`: each particle counts as 1 kg. A binary trajectory"
@@ -81,7 +86,7 @@ class Cloud:
                 stacklevel=3,
             )
         return cls(
-            mass=first.get("mass", np.ones(universe.atoms.n_atoms)),
+            mass=first.get("mass", np.ones(len(first["position"]))),
             radius=first.get("radius"),
             charge=first.get("q"),
             ids=first.get("id"),

@@ -148,7 +148,7 @@ def analyze(
     folder = dump.parent
     case = load_case(folder / CASE) if (folder / CASE).is_file() else None
     universe = open_universe(dump, timestep=timestep)
-    cloud = Cloud.of(universe)
+    cloud = Cloud.of_frame(universe.trajectory.ts)  # which opening has read
     expected = expected_spheroid(case, cloud) if case else "there is no case file"
     direction = axis if axis is not None else _field_direction(case)
     tracked = _spread_over(universe.atoms.n_atoms, TRACKED_PARTICLES)

@@ -511,6 +511,7 @@ class _Dump:
                     header = kind.header(buffer, offsets[-1])
                     _check_same(header, headers[0] if headers else header)
                     offsets.append(kind.end(buffer, header))
+                _forget(buffer, *offsets[-2:])
             except _CutError:
                 cut = True
                 break
@@ -581,6 +582,16 @@ class _Dump:
         if len(raw) < size:
             raise TrajectoryError("the file has become shorter since it was opened")
         return raw
+
+
+def _forget(buffer: mmap.mmap, start: int, end: int) -> None:
+    """Give back the memory of a part of a file that has been looked through.
+
+    It could be taken away at any time, but until then counts as memory of the process.
+    """
+    if hasattr(mmap, "MADV_DONTNEED"):
+        page = start - start % mmap.PAGESIZE
+        buffer.madvise(mmap.MADV_DONTNEED, page, end - page)
 
 
 def _constants_beside(dump: _Dump) -> dict[str, np.ndarray]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks import machine
+from benchmarks.analyses import analysis_rows
 from benchmarks.contact import contact_rows
 from benchmarks.contact_ledger import ledger_rows
 from benchmarks.near_field import near_field_rows
@@ -16,6 +17,7 @@ from benchmarks.near_field_tree import tree_rows
 from benchmarks.results import Row
 from benchmarks.step_loop import step_rows
 from benchmarks.table import print_table, write_json
+from benchmarks.trajectory import trajectory_rows
 from benchmarks.whole_command import command_rows
 
 GROUPS = {
@@ -24,6 +26,8 @@ GROUPS = {
     "near-field": near_field_rows,
     "tree": tree_rows,
     "ledger": ledger_rows,
+    "trajectory": trajectory_rows,
+    "analyses": analysis_rows,
     "command": command_rows,
 }
 WIDTH_OF_FILE = 160  # characters, where the table goes to a file or a pipe

@@ -2,14 +2,15 @@
 
 Each class is an :class:`MDAnalysis.analysis.base.AnalysisBase` and works on any Universe that
 :func:`lammps_blast.trajectory.open_universe` opens. They take one frame at a time, so memory does
-not grow with the length of a trajectory, except for a few numbers a frame.
+not grow with the length of a trajectory, except for a few numbers a frame. What the first frame
+says, they read by themselves, or take from a :class:`Cloud` that has been read for all of them.
 """
 
 from __future__ import annotations
 
 import csv
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,11 +21,13 @@ from MDAnalysis.coordinates.timestep import Timestep
 
 from lammps_blast import theory
 from lammps_blast.case import Case
-from lammps_blast.deck import ENERGY_ACCOUNTS
+from lammps_blast.deck import BINARY_CONSTANTS, ENERGY_ACCOUNTS
 from lammps_blast.spheroid import EQUAL_TOLERANCE, SpheroidTheory, spheroid_theory
 
 # Particles on the theoretical envelope are not outside it because of rounding.
 ENVELOPE_TOLERANCE = 1e-9
+# Particles that an envelope is fitted to at a time: three vectors of each fit into the cache.
+BLOCK = 8192
 # What an envelope is measured by, each a length against time.
 ENVELOPE_LENGTHS = (
     "semi_axis_parallel",
@@ -43,27 +46,54 @@ class AnalysisError(ValueError):
 
 @dataclass(frozen=True)
 class Cloud:
-    """What a trajectory says of its particles once and for all; arrays of shape (N,), SI units.
+    """What the first frame of a trajectory says of a cloud; N particles, SI units.
 
-    A dump without masses gives each particle the same, of one kilogram, with a warning.
+    Attributes
+    ----------
+    mass : (N,)
+        A dump without masses gives each particle the same, of one kilogram, with a warning.
+    radius, charge : (N,) or None
+    ids : (N,) or None
+    position : (N, 3)
+    velocity : (N, 3) or None
+    time : float
+    has_mass : bool
+        Whether the dump has masses.
     """
 
     mass: np.ndarray
     radius: np.ndarray | None
     charge: np.ndarray | None
+    ids: np.ndarray | None
+    position: np.ndarray
+    velocity: np.ndarray | None
+    time: float
+    has_mass: bool
 
     @classmethod
     def of(cls, universe: Universe) -> Cloud:
-        """Read masses, radii and charges from the first frame of a Universe."""
-        first = universe.trajectory[0].data
+        """Read the first frame of a Universe."""
+        return cls.of_frame(universe.trajectory[0])
+
+    @classmethod
+    def of_frame(cls, ts: Timestep) -> Cloud:
+        """Take a frame that has been read."""
+        first = ts.data
         if "mass" not in first:
             warnings.warn(
-                "the dump has no column `mass`: each particle counts as 1 kg", stacklevel=3
+                "the dump has no column `mass`: each particle counts as 1 kg. A binary trajectory"
+                f" has its masses in {BINARY_CONSTANTS}, which must lie beside it.",
+                stacklevel=3,
             )
         return cls(
-            mass=first.get("mass", np.ones(universe.atoms.n_atoms)),
+            mass=first.get("mass", np.ones(len(first["position"]))),
             radius=first.get("radius"),
             charge=first.get("q"),
+            ids=first.get("id"),
+            position=first["position"],
+            velocity=first.get("velocity"),
+            time=float(first["time"]),
+            has_mass="mass" in first,
         )
 
     @property
@@ -73,39 +103,42 @@ class Cloud:
             return np.ones(len(self.mass))
         return np.where(self.charge < 0.0, -1.0, 1.0)
 
+    @property
+    def launch_speed(self) -> float | None:
+        """Return the speed that all particles share (m/s); None if they do not.
 
-def expected_spheroid(case: Case, universe: Universe) -> SpheroidTheory | str:
-    """Return the spheroid theorem for the cloud of a Universe, or the reason why it does not hold.
+        The trajectory is asked, not the case: a deck may have been run with another energy.
+        """
+        if self.velocity is None:
+            return None
+        speeds = np.linalg.norm(self.velocity, axis=1)
+        return float(speeds.mean()) if np.ptp(speeds) <= EQUAL_TOLERANCE * speeds.max() else None
+
+
+def expected_spheroid(case: Case, cloud: Cloud) -> SpheroidTheory | str:
+    """Return the spheroid theorem for a cloud, or the reason why it does not hold.
 
     The first frame must be the state right after the pulse.
     """
-    cloud = Cloud.of(universe)
-    first = universe.trajectory[0].data
-    if missing := {"velocity", "mass", "radius", "q"} - set(first):
-        return f"the dump lacks {', '.join(sorted(missing))}"
+    has = {
+        "velocity": cloud.velocity is not None,
+        "mass": cloud.has_mass,
+        "radius": cloud.radius is not None,
+        "q": cloud.charge is not None,
+    }
+    if missing := [name for name in sorted(has) if not has[name]]:
+        return f"the dump lacks {', '.join(missing)}"
     if case.blast is None:
         return "the case has no blast"
-    if universe.trajectory[0].time != 0.0:
+    if cloud.time != 0.0:
         return "the trajectory does not begin with the pulse, at time 0"
     return spheroid_theory(
         case,
         radius=cloud.radius,
         mass=cloud.mass,
         charge_per_mass=cloud.charge / cloud.mass,
-        speed=launch_speed(universe),
+        speed=cloud.launch_speed,
     )
-
-
-def launch_speed(universe: Universe) -> float | None:
-    """Return the speed that all particles share in the first frame (m/s); None if they do not.
-
-    The trajectory is asked, not the case: a deck may have been run with another energy.
-    """
-    velocity = universe.trajectory[0].data.get("velocity")
-    if velocity is None:
-        return None
-    speeds = np.linalg.norm(velocity, axis=1)
-    return float(speeds.mean()) if np.ptp(speeds) <= EQUAL_TOLERANCE * speeds.max() else None
 
 
 class Envelope(AnalysisBase):
@@ -119,6 +152,8 @@ class Envelope(AnalysisBase):
         Direction of B, shape (3,), any length.
     expected
         The theorem's prediction, to count the particles outside it.
+    cloud
+        The first frame, where it has been read already.
 
     Attributes
     ----------
@@ -146,12 +181,16 @@ class Envelope(AnalysisBase):
     """
 
     def __init__(
-        self, universe: Universe, axis: Sequence[float], expected: SpheroidTheory | None = None
+        self,
+        universe: Universe,
+        axis: Sequence[float],
+        expected: SpheroidTheory | None = None,
+        cloud: Cloud | None = None,
     ) -> None:
         super().__init__(universe.trajectory)
-        self._universe = universe
         self._frame_axes = _frame_about(axis)
         self._expected = expected
+        self._cloud = cloud or Cloud.of(universe)
 
     @property
     def axis(self) -> np.ndarray:
@@ -159,19 +198,10 @@ class Envelope(AnalysisBase):
         return self._frame_axes[2]
 
     def _prepare(self) -> None:
-        cloud = Cloud.of(self._universe)
-        launch = self._universe.trajectory[0].data["position"]
-        self._weights = cloud.mass / cloud.mass.sum()
-        self._launch = launch
-        self._launch_centre = theory.centre_of_mass(launch, cloud.mass)
-        self._launch_offset = (launch - self._launch_centre) @ self._frame_axes.T
-        distance = np.linalg.norm(self._launch_offset, axis=1)
-        # A particle at the centre has no launch direction of its own and leaves the fit alone.
-        self._fitted = ~theory.on_centre_of_mass(launch, cloud.mass)
-        self._direction = self._launch_offset / np.where(distance > 0.0, distance, 1.0)[:, None]
-        self._sense = cloud.turning_sense
-        self.results.launch_radius = float(distance.max())
-
+        cloud = self._cloud
+        self._launch_centre = theory.centre_of_mass(cloud.position, cloud.mass)
+        self._map = _LaunchMap(cloud, self._launch_centre, self._frame_axes)
+        self.results.launch_radius = self._map.launch_radius
         frames = self.n_frames
         for name in ENVELOPE_LENGTHS:
             self.results[name] = np.full(frames, np.nan)
@@ -180,110 +210,174 @@ class Envelope(AnalysisBase):
 
     def _single_frame(self) -> None:
         frame, results = self._frame_index, self.results
-        displacement = (self._ts.data["position"] - self._launch) @ self._frame_axes.T
-        fit = _fit_launch_map(displacement, self._direction, self._sense, self._fitted)
-        shift = fit.shift(self._sense)
-        about_centre = self._launch_offset + displacement - shift
-        along = np.abs(about_centre[:, 2])
-        across = np.hypot(about_centre[:, 0], about_centre[:, 1])
+        fit = self._map.fit(self._ts.data["position"])
+        expected = None
+        if self._expected:
+            expected = self._expected.semi_axes(results.launch_radius, np.array(self._ts.time))
+        extent = self._map.extent(fit, expected)
 
-        results.centre[frame] = self._launch_centre + (self._weights @ shift) @ self._frame_axes
+        results.centre[frame] = self._launch_centre + fit.mean_shift @ self._frame_axes
         parallel, perpendicular = theory.spheroid_semi_axes(
             results.launch_radius, fit.parallel, fit.perpendicular
         )
         results.semi_axis_parallel[frame] = parallel
         results.semi_axis_perpendicular[frame] = perpendicular
-        results.fit_residual[frame] = fit.largest_residual
-        results.fit_residual_rms[frame] = fit.rms_residual
-        results.extent_parallel[frame] = along.max()
-        results.extent_perpendicular[frame] = across.max()
-        results.blast_radius[frame] = np.hypot(along, across).max()
+        results.fit_residual[frame] = extent.largest_residual
+        results.fit_residual_rms[frame] = extent.rms_residual
+        results.extent_parallel[frame] = extent.parallel
+        results.extent_perpendicular[frame] = extent.perpendicular
+        results.blast_radius[frame] = extent.radius
         if self._expected:
-            a, b = self._expected.semi_axes(results.launch_radius, np.array(self._ts.time))
-            outside = np.hypot(along * b, across * a) > a * b * (1.0 + ENVELOPE_TOLERANCE)
-            results.fraction_outside[frame] = outside.mean()
+            results.fraction_outside[frame] = extent.fraction_outside
 
     def _conclude(self) -> None:
         self.results.times = self.times
 
 
 @dataclass(frozen=True)
-class _LaunchMap:
-    """One linear map of launch directions, fitted, with the shift of each sense of turning."""
+class _Fit:
+    """A linear map of launch directions to displacements, about the axis.
+
+    Attributes
+    ----------
+    parallel, perpendicular
+        The map along and, as a complex number, across the axis, m; NaN where directions leave it
+        open, as those of a ring or a line do.
+    matrix : (3, 3)
+        The same, with zero in place of NaN; directions are rows.
+    mean : (2, 3)
+        Mean displacement of the particles of each sense of turning, m.
+    shift : (2, 3)
+        What the particles of each sense are displaced by beside the map, m.
+    mean_shift : (3,)
+        That of the cloud, weighted by mass, not mirrored.
+    """
 
     parallel: float
     perpendicular: complex
-    shift_of_sense: dict[float, np.ndarray]
+    matrix: np.ndarray
+    mean: np.ndarray
+    shift: np.ndarray
+    mean_shift: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Extent:
+    """How far particles are from where a fit puts them, and from the centre of the cloud; m."""
+
     largest_residual: float
+    parallel: float
+    perpendicular: float
+    radius: float
     rms_residual: float
-
-    def shift(self, sense: np.ndarray) -> np.ndarray:
-        """Return the shift of every particle, shape (N, 3)."""
-        positive, negative = (self.shift_of_sense.get(s, np.zeros(3)) for s in (1.0, -1.0))
-        return np.where(sense[:, None] > 0.0, positive, negative)
+    fraction_outside: float
 
 
-def _fit_launch_map(
-    displacement: np.ndarray, direction: np.ndarray, sense: np.ndarray, fitted: np.ndarray
-) -> _LaunchMap:
-    """Fit displacement = shift + map(direction), with the turn mirrored for the sense -1."""
-    turned, moved = _mirrored(direction, sense), _mirrored(displacement, sense)
-    means = {
-        s: (turned[chosen].mean(axis=0), moved[chosen].mean(axis=0))
-        for s in (1.0, -1.0)
-        if (chosen := fitted & (sense == s)).any()
-    }
-    turned, moved = turned[fitted], moved[fitted]
-    positive = sense[fitted] > 0.0
-    for s, (turned_mean, moved_mean) in means.items():
-        chosen = positive if s > 0.0 else ~positive
-        turned[chosen] -= turned_mean
-        moved[chosen] -= moved_mean
+class _LaunchMap:
+    """Fits displacements = shift + map(launch direction), the same map for all particles.
 
-    parallel = _slope(moved[:, 2], turned[:, 2])
-    perpendicular = _slope(_complex(moved), _complex(turned))
-    # Where directions leave a slope open, as those of a ring or a line do, they have no part of it.
-    known = np.nan_to_num(parallel), np.nan_to_num(perpendicular)
-    distance = np.linalg.norm(moved - _mapped(turned, *known), axis=1)
-    shifts = {}
-    if np.isfinite(parallel) or np.isfinite(perpendicular):
-        shifts = {
-            s: _mirrored(moved_mean - _mapped(turned_mean, *known), np.array(s))
-            for s, (turned_mean, moved_mean) in means.items()
-        }
-    return _LaunchMap(
-        float(parallel.real),
-        complex(perpendicular),
-        shifts,
-        float(distance.max(initial=0.0)),
-        float(np.sqrt(np.mean(distance**2))) if len(distance) else 0.0,
-    )
-
-
-def _mirrored(vectors: np.ndarray, sense: np.ndarray) -> np.ndarray:
-    """Return vectors (..., 3) with their second component turned round for the sense -1."""
-    mirrored = np.array(vectors, dtype=float)
-    mirrored[..., 1] *= sense
-    return mirrored
-
-
-def _complex(vectors: np.ndarray) -> np.ndarray:
-    return vectors[..., 0] + 1j * vectors[..., 1]
-
-
-def _mapped(direction: np.ndarray, parallel: float, perpendicular: complex) -> np.ndarray:
-    across = perpendicular * _complex(direction)
-    return np.stack([across.real, across.imag, parallel.real * direction[..., 2]], axis=-1)
-
-
-def _slope(values: np.ndarray, arguments: np.ndarray) -> complex:
-    """Return the least-squares slope of a line through the origin, NaN where there is none.
-
-    Arguments are parts of unit vectors; those of rounding size count as none.
+    Vectors stand in the frame about the axis. Those of particles with negative sense of turning are
+    mirrored, by their second component, so that all turn alike; each sense has a shift of its own.
+    A large cloud is worked through in blocks that stay in the processor's cache.
     """
-    square = np.vdot(arguments, arguments).real
-    enough = square > 1e-18 * len(arguments)
-    return np.vdot(arguments, values) / square if enough else complex(np.nan)
+
+    def __init__(self, cloud: Cloud, centre: np.ndarray, frame_axes: np.ndarray) -> None:
+        count = len(cloud.mass)
+        self._launch, self._frame_axes = cloud.position, frame_axes
+        self._sense = cloud.turning_sense
+        self._offset = self._seen(cloud.position - centre, self._sense)
+        distance = np.linalg.norm(self._offset, axis=1)
+        self.launch_radius = float(distance.max())
+        # A particle at the centre has no launch direction of its own and leaves the fit alone.
+        fitted = ~theory.on_centre_of_mass(cloud.position, cloud.mass)
+        self._senses = np.stack([self._sense > 0.0, self._sense < 0.0]).astype(float)
+        self._member = self._senses * fitted
+        self._count = self._member.sum(axis=1)
+        self._share = self._senses @ (cloud.mass / cloud.mass.sum())
+
+        direction = self._offset / np.where(distance > 0.0, distance, 1.0)[:, None]
+        self._mean_direction = self._mean(self._member @ direction)
+        direction -= self._member.T @ self._mean_direction
+        direction[~fitted] = 0.0
+        self._direction = direction
+        self._square = np.sum(direction**2, axis=0)
+        self._moved = np.empty((count, 3))
+
+    def _seen(self, vectors: np.ndarray, sense: np.ndarray) -> np.ndarray:
+        seen = vectors @ self._frame_axes.T
+        seen[:, 1] *= sense
+        return seen
+
+    def _mean(self, total: np.ndarray) -> np.ndarray:
+        return total / np.maximum(self._count, 1.0)[:, None]
+
+    def _blocks(self) -> Iterator[slice]:
+        for start in range(0, len(self._moved), BLOCK):
+            yield slice(start, start + BLOCK)
+
+    def fit(self, position: np.ndarray) -> _Fit:
+        """Fit the map to positions (N, 3) in m, by least squares."""
+        total = np.zeros((2, 3))
+        for block in self._blocks():
+            displacement = position[block] - self._launch[block]
+            self._moved[block] = self._seen(displacement, self._sense[block])
+            total += self._member[:, block] @ self._moved[block]
+        mean = self._mean(total)
+        # Directions as columns, displacements about their means as rows.
+        moment = np.zeros((3, 3))
+        for block in self._blocks():
+            about_mean = self._moved[block] - self._member[:, block].T @ mean
+            moment += self._direction[block].T @ about_mean
+        parallel = self._slope(moment[2, 2], self._square[2])
+        perpendicular = self._slope(
+            complex(moment[0, 0] + moment[1, 1], moment[0, 1] - moment[1, 0]),
+            self._square[0] + self._square[1],
+        )
+        along, turned = np.nan_to_num(parallel).real, np.nan_to_num(perpendicular)
+        matrix = np.array(
+            [
+                [turned.real, turned.imag, 0.0],
+                [-turned.imag, turned.real, 0.0],
+                [0.0, 0.0, along],
+            ]
+        )
+        shift = np.zeros((2, 3))
+        if np.isfinite(parallel) or np.isfinite(perpendicular):
+            shift = (mean - self._mean_direction @ matrix) * (self._count > 0.0)[:, None]
+        mean_shift = self._share @ (shift * [[1.0, 1.0, 1.0], [1.0, -1.0, 1.0]])
+        return _Fit(float(parallel.real), complex(perpendicular), matrix, mean, shift, mean_shift)
+
+    def _slope(self, product: complex, square: float) -> complex:
+        """Return the least-squares slope of a line through the origin, NaN where there is none.
+
+        Directions are parts of unit vectors; those of rounding size count as none.
+        """
+        enough = square > 1e-18 * self._count.sum()
+        return complex(product) / square if enough else complex(np.nan)
+
+    def extent(self, fit: _Fit, expected: tuple[float, float] | None) -> _Extent:
+        """Measure the positions of the last fit, and count those beyond expected semi-axes (m)."""
+        largest = np.zeros(4)  # squares
+        squares, outside = 0.0, 0
+        for block in self._blocks():
+            moved, member = self._moved[block], self._member[:, block].T
+            residual = moved - member @ fit.mean - self._direction[block] @ fit.matrix
+            square = np.einsum("ij,ij->i", residual, residual) * member.sum(axis=1)
+            about_centre = self._offset[block] + moved - self._senses[:, block].T @ fit.shift
+            along = about_centre[:, 2] ** 2
+            across = np.einsum("ij,ij->i", about_centre[:, :2], about_centre[:, :2])
+            lengths = square, along, across, along + across
+            largest = np.maximum(largest, [length.max() for length in lengths])
+            squares += square.sum()
+            if expected is not None:
+                a, b = expected
+                limit = (a * b * (1.0 + ENVELOPE_TOLERANCE)) ** 2
+                outside += np.count_nonzero(along * b**2 + across * a**2 > limit)
+        return _Extent(
+            *map(float, np.sqrt(largest)),
+            float(np.sqrt(squares / max(self._count.sum(), 1.0))),
+            outside / len(self._moved),
+        )
 
 
 def _frame_about(axis: Sequence[float]) -> np.ndarray:
@@ -308,6 +402,8 @@ class Speeds(AnalysisBase):
         With velocities.
     tracked
         Indices of the particles whose velocities are kept.
+    cloud
+        The first frame, where it has been read already.
 
     Attributes
     ----------
@@ -322,15 +418,15 @@ class Speeds(AnalysisBase):
         If the dump has no velocities.
     """
 
-    def __init__(self, universe: Universe, tracked: Sequence[int] = ()) -> None:
+    def __init__(
+        self, universe: Universe, tracked: Sequence[int] = (), cloud: Cloud | None = None
+    ) -> None:
         super().__init__(universe.trajectory)
-        if "velocity" not in universe.trajectory[0].data:
-            raise AnalysisError("the dump has no velocities (columns `vx vy vz`)")
-        self._universe = universe
+        self._cloud = _moving(cloud or Cloud.of(universe))
         self._tracked = list(tracked)
 
     def _prepare(self) -> None:
-        mass = Cloud.of(self._universe).mass
+        mass = self._cloud.mass
         self._weights = mass / mass.sum()
         for name in ("mean", "rms", "smallest", "largest"):
             self.results[name] = np.zeros(self.n_frames)
@@ -354,6 +450,13 @@ class Speeds(AnalysisBase):
 class KineticEnergy(AnalysisBase):
     """Kinetic energy of translation and rotation against time, from the trajectory alone.
 
+    Parameters
+    ----------
+    universe
+        With velocities.
+    cloud
+        The first frame, where it has been read already.
+
     Attributes
     ----------
     results.times : (T,) s
@@ -366,31 +469,49 @@ class KineticEnergy(AnalysisBase):
         If the dump has no velocities.
     """
 
-    def __init__(self, universe: Universe) -> None:
+    def __init__(self, universe: Universe, cloud: Cloud | None = None) -> None:
         super().__init__(universe.trajectory)
-        if "velocity" not in universe.trajectory[0].data:
-            raise AnalysisError("the dump has no velocities (columns `vx vy vz`)")
-        self._universe = universe
+        self._cloud = _moving(cloud or Cloud.of(universe))
 
     def _prepare(self) -> None:
-        self._cloud = Cloud.of(self._universe)
+        mass, radius = self._cloud.mass, self._cloud.radius
+        self._inertia = None if radius is None else theory.moment_of_inertia(mass, radius)
         self.results.kinetic = np.zeros(self.n_frames)
         self.results.rotational = np.zeros(self.n_frames)
 
     def _single_frame(self) -> None:
-        frame, cloud = self._frame_index, self._cloud
-        self.results.kinetic[frame] = _half_square(cloud.mass, self._ts.data["velocity"])
-        spin = self._ts.data.get("angular_velocity")
-        if spin is not None and cloud.radius is not None:
-            inertia = theory.moment_of_inertia(cloud.mass, cloud.radius)
-            self.results.rotational[frame] = _half_square(inertia, spin)
+        frame, data = self._frame_index, self._ts.data
+        self.results.kinetic[frame] = _half_square(self._cloud.mass, data["velocity"])
+        spin = data.get("angular_velocity")
+        if spin is not None and self._inertia is not None:
+            self.results.rotational[frame] = _half_square(self._inertia, spin)
 
     def _conclude(self) -> None:
         self.results.times = self.times
 
 
+def _moving(cloud: Cloud) -> Cloud:
+    """Return a cloud that has velocities; AnalysisError if it has none."""
+    if cloud.velocity is None:
+        raise AnalysisError("the dump has no velocities (columns `vx vy vz`)")
+    return cloud
+
+
 def _half_square(weight: np.ndarray, vectors: np.ndarray) -> float:
     return float(0.5 * np.einsum("i,ij,ij->", weight, vectors, vectors))
+
+
+class FrameSteps(AnalysisBase):
+    """Numbers of LAMMPS's time steps at which frames were written: `results.steps` (T,)."""
+
+    def __init__(self, universe: Universe) -> None:
+        super().__init__(universe.trajectory)
+
+    def _prepare(self) -> None:
+        self.results.steps = np.zeros(self.n_frames, dtype=np.int64)
+
+    def _single_frame(self) -> None:
+        self.results.steps[self._frame_index] = self._ts.data["step"]
 
 
 class Together(AnalysisBase):

@@ -27,11 +27,11 @@ from lammps_blast.analysis import (
     Cloud,
     EnergyLedger,
     Envelope,
+    FrameSteps,
     KineticEnergy,
     Speeds,
     Together,
     expected_spheroid,
-    launch_speed,
 )
 from lammps_blast.case import Case, CaseError, Contact, load_case
 from lammps_blast.clumps import CLUMP_NUMBERS, Clumps, PairDistances
@@ -45,7 +45,7 @@ from lammps_blast.deck import (
     counted,
 )
 from lammps_blast.engine import LOG
-from lammps_blast.neighbours import close_pairs
+from lammps_blast.neighbours import pair_blocks
 from lammps_blast.pair_histories import FEW_PARTICLES, PairHistories
 from lammps_blast.relaxation import RelaxationReport
 from lammps_blast.spheroid import SpheroidTheory
@@ -109,6 +109,7 @@ class Analyses:
     case: Case | None
     axis: np.ndarray
     envelope: Envelope
+    frame_steps: np.ndarray
     speeds: Speeds | None
     energy: KineticEnergy | None
     ledger: EnergyLedger | None
@@ -149,24 +150,28 @@ def analyze(
     folder = dump.parent
     case = load_case(folder / CASE) if (folder / CASE).is_file() else None
     universe = open_universe(dump, timestep=timestep)
-    expected = expected_spheroid(case, universe) if case else "there is no case file"
+    cloud = Cloud.of_frame(universe.trajectory.ts)  # which opening has read
+    expected = expected_spheroid(case, cloud) if case else "there is no case file"
     direction = axis if axis is not None else _field_direction(case)
     tracked = _spread_over(universe.atoms.n_atoms, TRACKED_PARTICLES)
 
     envelope = Envelope(
-        universe, direction, expected if isinstance(expected, SpheroidTheory) else None
+        universe, direction, expected if isinstance(expected, SpheroidTheory) else None, cloud
     )
+    frame_steps = FrameSteps(universe)
     speeds = energy = None
-    if "velocity" in universe.trajectory[0].data:
-        speeds, energy = Speeds(universe, tracked), KineticEnergy(universe)
+    if cloud.velocity is not None:
+        speeds, energy = Speeds(universe, tracked, cloud), KineticEnergy(universe, cloud)
     clumps = contacts = distances = histories = None
-    if _particles_meet(universe, case):
-        clumps, distances = Clumps(universe, axis=envelope.axis), PairDistances(universe)
+    if _particles_meet(universe, cloud, case):
+        clumps = Clumps(universe, axis=envelope.axis, cloud=cloud)
+        distances = PairDistances(universe, cloud=cloud)
         recorded = _recorded_contacts(folder) if case else None
-        contacts = Contacts(universe, recorded)
+        contacts = Contacts(universe, recorded, cloud)
         if universe.atoms.n_atoms <= FEW_PARTICLES:
             histories = PairHistories(universe, recorded)
-    Together(*filter(None, (envelope, speeds, energy, clumps, contacts, histories))).run()
+    parts = (frame_steps, envelope, speeds, energy, clumps, contacts, histories)
+    Together(*filter(None, parts)).run()
     if distances:
         distances.run(frames=_spread_over(len(universe.trajectory), DISTANCE_FRAMES))
 
@@ -175,18 +180,19 @@ def analyze(
     return Analyses(
         name=case.name if case else dump.stem,
         universe=universe,
-        cloud=Cloud.of(universe),
+        cloud=cloud,
         case=case,
         axis=envelope.axis,
         axis_name="B" if axis is not None or (case and any(case.fields.magnetic)) else "x",
         envelope=envelope,
+        frame_steps=frame_steps.results.steps,
         speeds=speeds,
         energy=energy,
         ledger=ledger,
         expected=expected,
         tracked=tracked,
         wall_seconds=wall_seconds_of(folder / LOG),
-        checks=_checks(universe, envelope, ledger, expected, case),
+        checks=_checks(cloud, envelope, ledger, expected, case),
         clumps=clumps,
         contacts=contacts,
         distances=distances,
@@ -197,14 +203,14 @@ def analyze(
     )
 
 
-def _particles_meet(universe: Universe, case: Case | None) -> bool:
+def _particles_meet(universe: Universe, cloud: Cloud, case: Case | None) -> bool:
     """Tell whether particles interact or, without a case, whether any two touch in the end."""
-    if case and not case.interacts:
+    if cloud.radius is None:
         return False
-    last = universe.trajectory[-1].data
-    if "radius" not in last:
-        return False
-    return case is not None or len(close_pairs(last["position"], last["radius"])[0]) > 0
+    if case:
+        return case.interacts
+    last = universe.trajectory[-1].data["position"]
+    return any(len(pairs) > 0 for pairs, _ in pair_blocks(last, cloud.radius, 1.0))
 
 
 def _recorded_contacts(folder: Path) -> ContactFrames | None:
@@ -226,7 +232,7 @@ def _spread_over(count: int, wanted: int) -> list[int]:
 
 
 def _checks(
-    universe: Universe,
+    cloud: Cloud,
     envelope: Envelope,
     ledger: EnergyLedger | None,
     expected: SpheroidTheory | str,
@@ -242,7 +248,7 @@ def _checks(
         if case and case.contact and case.contact.is_stock:
             # What stock forces took closes their ledger by its nature; but they may give only what
             # they hold.
-            given = max(0.0, -float(ledger.contact_loss.min()) - _reserve(universe, case.contact))
+            given = max(0.0, -float(ledger.contact_loss.min()) - _reserve(cloud, case.contact))
             add("contact_work", given / scale, STOCK_CONTACT_LIMIT)
         else:
             limit = INTERACTING_LEDGER_LIMIT if case and case.interacts else LEDGER_LIMIT
@@ -266,11 +272,10 @@ def _checks(
     return checks
 
 
-def _reserve(universe: Universe, contact: Contact) -> float:
-    start = universe.trajectory[0].data
-    if "radius" not in start:
+def _reserve(cloud: Cloud, contact: Contact) -> float:
+    if cloud.radius is None:
         return 0.0
-    return energy_reserve(contact, start["position"], start["radius"])
+    return energy_reserve(contact, cloud.position, cloud.radius)
 
 
 def _largest(values: np.ndarray) -> float:
@@ -301,18 +306,18 @@ def write_results(analyses: Analyses, folder: Path, *, figures: bool = True) -> 
 
 def summarize(analyses: Analyses) -> dict[str, Any]:
     """Return the contents of `summary.json`; what is not known is None, never NaN."""
-    frames = analyses.universe.trajectory
+    times = analyses.envelope.results.times
     summary = {
         "name": analyses.name,
         "particles": analyses.universe.atoms.n_atoms,
         "steps": _step_count(analyses),
-        "duration": frames[-1].time - frames[0].time,
-        "frames": len(frames),
+        "duration": float(times[-1] - times[0]),
+        "frames": len(times),
         "complete": is_complete(analyses),
         "wall_seconds": analyses.wall_seconds,
         "axis": analyses.axis_name,
         "mass": float(analyses.cloud.mass.sum()),
-        "pulse_speed": launch_speed(analyses.universe),
+        "pulse_speed": analyses.cloud.launch_speed,
         "integration": _integration_summary(analyses),
         "energy": _energy_summary(analyses),
         "envelope": _envelope_summary(analyses),
@@ -336,8 +341,7 @@ def _step_count(analyses: Analyses) -> int:
     """Return how many steps the integrator took, which within LAMMPS's own may be many."""
     if analyses.steps:
         return len(analyses.steps.step)
-    frames = analyses.universe.trajectory
-    return int(frames[-1].data["step"]) - int(frames[0].data["step"])
+    return int(analyses.frame_steps[-1] - analyses.frame_steps[0])
 
 
 def _integration_summary(analyses: Analyses) -> dict[str, Any] | None:
@@ -379,7 +383,7 @@ def is_complete(analyses: Analyses) -> bool | None:
         return None
     frames = case.timesteps // case.output_every
     last = frames * case.output_every * case.timestep
-    return analyses.universe.trajectory[-1].time >= last * (1.0 - 1e-6)
+    return bool(analyses.envelope.results.times[-1] >= last * (1.0 - 1e-6))
 
 
 def _energy_summary(analyses: Analyses) -> dict[str, Any]:

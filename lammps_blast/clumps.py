@@ -189,6 +189,8 @@ class Clumps(AnalysisBase):
         their radii (their mean diameter).
     axis
         Direction of B, shape (3,), any length.
+    cloud
+        The first frame, where it has been read already.
 
     Attributes
     ----------
@@ -217,20 +219,23 @@ class Clumps(AnalysisBase):
     """
 
     def __init__(
-        self, universe: Universe, gap: float = GAP, axis: Sequence[float] = (1.0, 0.0, 0.0)
+        self,
+        universe: Universe,
+        gap: float = GAP,
+        axis: Sequence[float] = (1.0, 0.0, 0.0),
+        cloud: Cloud | None = None,
     ) -> None:
         super().__init__(universe.trajectory)
+        cloud = cloud or Cloud.of(universe)
         self.gap = gap
-        self._universe = universe
         self._axis = np.asarray(axis, dtype=float)
-        self._radius = known_radii(universe)
+        self._radius, self._mass = known_radii(cloud), cloud.mass
         if not 0.0 <= gap < np.inf:
             raise AnalysisError(f"the gap between connected spheres must not be negative: {gap}")
         if self._axis.shape != (3,) or not 0.0 < np.linalg.norm(self._axis) < np.inf:
             raise AnalysisError(f"the axis of clumps must be a direction, not {axis}")
 
     def _prepare(self) -> None:
-        self._mass = Cloud.of(self._universe).mass
         for name in CLUMP_NUMBERS:
             self.results[name] = np.full(self.n_frames, np.nan)
 
@@ -269,6 +274,8 @@ class PairDistances(AnalysisBase):
         Largest distance that is counted.
     bins
         Number of shells a sum of radii.
+    cloud
+        The first frame, where it has been read already.
 
     Attributes
     ----------
@@ -289,10 +296,14 @@ class PairDistances(AnalysisBase):
     """
 
     def __init__(
-        self, universe: Universe, reach: float = PAIR_REACH, bins: int = PAIR_BINS
+        self,
+        universe: Universe,
+        reach: float = PAIR_REACH,
+        bins: int = PAIR_BINS,
+        cloud: Cloud | None = None,
     ) -> None:
         super().__init__(universe.trajectory)
-        self._radius = known_radii(universe)
+        self._radius = known_radii(cloud or Cloud.of(universe))
         shells = round(reach * bins) if 0.0 < reach < np.inf else 0
         if shells < 1:
             raise AnalysisError(f"no shells to count pairs in: reach {reach}, {bins} bins")

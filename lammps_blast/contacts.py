@@ -62,18 +62,17 @@ CONTACT_NUMBERS = (
 FORCE_BINS = (5, 40)  # fewest and most
 
 
-def known_radii(universe: Universe) -> np.ndarray:
-    """Return the radii (N,) of a Universe's particles, m.
+def known_radii(cloud: Cloud) -> np.ndarray:
+    """Return the radii (N,) of a cloud's particles, m.
 
     Raises
     ------
     AnalysisError
         If the dump has none.
     """
-    radius = Cloud.of(universe).radius
-    if radius is None:
+    if cloud.radius is None:
         raise AnalysisError("the dump has no radii (column `radius` or `diameter`)")
-    return radius
+    return cloud.radius
 
 
 @dataclass(frozen=True)
@@ -298,6 +297,8 @@ class Contacts(AnalysisBase):
     recorded
         Contacts that the run wrote. Without them, pairs are in contact where spheres overlap;
         forces are then unknown.
+    cloud
+        The first frame, where it has been read already.
 
     Attributes
     ----------
@@ -321,12 +322,18 @@ class Contacts(AnalysisBase):
         If the dump has no radii and no contacts are given, or has no ids to know them by.
     """
 
-    def __init__(self, universe: Universe, recorded: ContactFrames | None = None) -> None:
+    def __init__(
+        self,
+        universe: Universe,
+        recorded: ContactFrames | None = None,
+        cloud: Cloud | None = None,
+    ) -> None:
         super().__init__(universe.trajectory)
         self.recorded = recorded
+        cloud = cloud or Cloud.of(universe)
         if recorded is None:
-            self._radius = known_radii(universe)
-        elif "id" not in universe.trajectory[0].data:
+            self._radius = known_radii(cloud)
+        elif cloud.ids is None:
             raise AnalysisError("the dump has no ids (column `id`), which contacts refer to")
 
     def _prepare(self) -> None:

@@ -53,6 +53,7 @@ RESTARTS = tuple(f"{RESTART_FOLDER}/blast.{name}" for name in ("1", "2", "interr
 CONTACT_TABLE = "contacts.lammpsdump"
 TEXT_TRAJECTORY = "trajectory.lammpstrj"
 BINARY_TRAJECTORY = "trajectory.lammpsbin"  # LAMMPS writes binary for .bin and .lammpsbin
+BINARY_CONSTANTS = "constants.lammpsbin"
 TRAJECTORIES = {"text": TEXT_TRAJECTORY, "binary": BINARY_TRAJECTORY}
 
 # Part of the cloud's first width: narrower than the share of one among dozens of ranks in a row,
@@ -91,6 +92,8 @@ STEP_COLUMNS = (
     "force_evaluations",
 )
 FIRST_STEP_NUMBER = 3
+CONSTANT_COLUMNS = "type mass radius q"
+STATE_COLUMNS = "x y z vx vy vz omegax omegay omegaz"
 NO_GHOSTS = "atom_modify sort 0 0.0\ncomm_modify cutoff 1.0e-9"
 # LAMMPS's time steps between two looks for numbers gone wild, and the part of the largest kinetic
 # energy that may come from nothing before a run is stopped.
@@ -506,24 +509,32 @@ def _ledger_row(columns: Iterable[str]) -> str:
 
 
 def _output(case: Case) -> str:
-    name = TRAJECTORIES[case.output.format]
-    columns = "id type mass radius q x y z vx vy vz omegax omegay omegaz"
-    modify = "sort id time yes units yes"
-    if case.output.format == "text":
-        modify += " format float %.15g"
-    preparation = ""
+    forces = preparation = renaming = ""
     if case.output.forces:
-        force_columns, renaming, preparation = _force_columns(case)
-        columns += force_columns
-        modify += renaming
+        forces, renaming, preparation = _force_columns(case)
     contacts = _contact_dump() if case.output.contacts else ""
     return f"""\
-{preparation}dump trajectory all custom ${{output_every}} {name} &
-  {columns}
-dump_modify trajectory {modify}
-{contacts}shell mkdir {RESTART_FOLDER}
+{preparation}{_trajectory(case, forces, renaming)}{contacts}shell mkdir {RESTART_FOLDER}
 # Two files in turn: a crash while one is written leaves the other.
 restart ${{restart_every}} {RESTARTS[0]} {RESTARTS[1]}
+"""
+
+
+def _trajectory(case: Case, forces: str, renaming: str) -> str:
+    name = TRAJECTORIES[case.output.format]
+    columns, modify, once = STATE_COLUMNS, "sort id time yes units yes", ""
+    if case.output.format == "text":
+        columns = f"{CONSTANT_COLUMNS} {columns}"
+        modify += " format float %.15g"
+    else:
+        once = (
+            "# What no frame need repeat.\n"
+            f"write_dump all custom {BINARY_CONSTANTS} id {CONSTANT_COLUMNS} modify {modify}\n"
+        )
+    return f"""\
+{once}dump trajectory all custom ${{output_every}} {name} &
+  id {columns}{forces}
+dump_modify trajectory {modify}{renaming}
 """
 
 

@@ -2,7 +2,8 @@
 
 For runs of few particles, in which every pair has a history of its own to tell.
 
->>> from lammps_blast.contacts import ContactFrames
+>>> from lammps_blast.analysis import Cloud
+from lammps_blast.contacts import ContactFrames
 >>> from lammps_blast.pair_histories import PairHistories
 >>> from lammps_blast.trajectory import open_universe
 >>> universe = open_universe("runs/bonded_pairs")  # doctest: +SKIP
@@ -17,6 +18,7 @@ import numpy as np
 from MDAnalysis import Universe
 from MDAnalysis.analysis.base import AnalysisBase
 
+from lammps_blast.analysis import Cloud
 from lammps_blast.contacts import ContactFrame, ContactFrames, known_radii
 from lammps_blast.trajectory import TrajectoryError
 
@@ -68,7 +70,7 @@ class PairHistories(AnalysisBase):
     def __init__(self, universe: Universe, recorded: ContactFrames | None = None) -> None:
         super().__init__(universe.trajectory)
         self.recorded = recorded
-        self._radius = known_radii(universe)
+        self._radius = known_radii(Cloud.of(universe))
 
     def _prepare(self) -> None:
         first = self._trajectory[0].data

@@ -15,6 +15,7 @@ from rich.console import Console
 from lammps_blast.case import Case, CaseError, ParticlesFromFile, load_case
 from lammps_blast.case_warnings import case_warnings, check_near_field, remarks
 from lammps_blast.deck import (
+    BINARY_CONSTANTS,
     CASE,
     CONTACT_TABLE,
     DECK,
@@ -149,7 +150,7 @@ def _products() -> Iterator[str]:
 
     yield from (SUMMARY, CASE, DECK, PARTICLE_DATA, PARTICLE_TABLE, ENERGY_TABLE, LOG)
     yield from (ENVELOPE_TABLE, SPEED_TABLE, CLUMP_TABLE, CONTACT_TABLE, STEP_TABLE)
-    yield from TRAJECTORIES.values()
+    yield from (*TRAJECTORIES.values(), BINARY_CONSTANTS)
     yield from RESTARTS
     yield from (f"{FIGURE_FOLDER}/{name}.png" for name in FIGURES)
 

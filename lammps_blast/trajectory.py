@@ -28,10 +28,15 @@ any other column, by its own name   (N,)    that column
 ``time``, ``step``                  scalar  simulated time in s, number of the time step
 ==================================  ======  ====================================================
 
-A key is absent when its columns are. ``ts.positions``, ``ts.velocities`` and ``ts.forces`` hold the
-same values in float32, as everywhere in MDAnalysis. ``ts.dimensions`` is the box; MDAnalysis takes
-every box for periodic, so pass ``periodic=False`` to selections (``box=None`` to distance
-functions) for a cloud in a shrink-wrapped box.
+A key is absent when its columns are. Our binary trajectories hold ``type``, ``mass``, ``radius``
+and ``q`` once, in a dump of their own, `constants.lammpsbin`. Any dump that lacks these columns is
+given them by the ids of its atoms where that file lies beside it, in the same read-only arrays
+every frame.
+
+``ts.positions``, ``ts.velocities`` and ``ts.forces`` hold the same values in float32, as everywhere
+in MDAnalysis. ``ts.dimensions`` is the box; MDAnalysis takes every box for periodic, so pass
+``periodic=False`` to selections (``box=None`` to distance functions) for a cloud in a
+shrink-wrapped box.
 
 Without an ``id`` column the particles are taken in the order written, with a warning; a frame
 written by several MPI ranks is then an error, because its order means nothing. The columns
@@ -40,14 +45,16 @@ written by several MPI ranks is then an error, because its order means nothing. 
 
 from __future__ import annotations
 
+import io
 import mmap
 import os
+import re
 import struct
 import warnings
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
@@ -59,9 +66,13 @@ from MDAnalysis.core import topologyattrs
 from MDAnalysis.core.topology import Topology
 from MDAnalysis.lib.util import store_init_arguments
 from MDAnalysis.topology.base import TopologyReaderBase
-from pydantic_core import from_json
 
-from lammps_blast.deck import BINARY_TRAJECTORY, TEXT_TRAJECTORY
+from lammps_blast.deck import (
+    BINARY_CONSTANTS,
+    BINARY_TRAJECTORY,
+    CONSTANT_COLUMNS,
+    TEXT_TRAJECTORY,
+)
 
 FORMATS = ["BLASTDUMP", "LAMMPSBIN"]  # the second makes MDAnalysis know the file by its suffix
 
@@ -76,7 +87,10 @@ TEXT_COLUMNS = frozenset({"element", "typelabel"})
 
 MAGIC = (b"DUMPCUSTOM", b"DUMPATOM")
 MAX_LINE = 1 << 16  # bytes; no header line is longer, whatever a damaged file says
-SEPARATORS_TO_COMMAS = bytes.maketrans(b" \n", b",,")
+NEXT_ITEM = re.compile(b"ITEM:")  # finds several times faster than a memory map's own method
+# Frames of a binary dump after which all others may be taken for as long as the last of them: the
+# first may differ, by its columns or by naming the units.
+FRAMES_TO_COMPARE = 3
 MAX_STEP = 2**63
 MAX_ID = 2**53  # a binary dump stores ids as doubles
 
@@ -114,9 +128,11 @@ def open_universe(path: str | os.PathLike[str], timestep: float | None = None) -
         No such file, no trajectory in the folder, not a dump, damaged, no positions, no times.
 
     """
-    dump = find_trajectory(path)
-    topology = BlastDumpParser(dump).parse()
-    return Universe(topology, str(dump), format=BlastDumpReader, timestep=timestep, to_guess=())
+    reader = BlastDumpReader(find_trajectory(path), timestep=timestep)
+    # Universe(topology, file) would read the first frame for each of the two.
+    universe = Universe(_topology(reader.n_atoms, reader.ts.data), to_guess=())
+    universe.trajectory = reader
+    return universe
 
 
 def find_trajectory(path: str | os.PathLike[str]) -> Path:
@@ -155,7 +171,10 @@ class _Header:
 
 @dataclass(frozen=True, slots=True)
 class _Columns:
-    """Where the quantities stand in the (N, number of numeric columns) table of a frame."""
+    """Where the quantities stand in the (N, number of numeric columns) table of a frame.
+
+    ``position`` is empty where there are none.
+    """
 
     written: tuple[str, ...]
     numeric: list[int]
@@ -168,30 +187,26 @@ class _Columns:
     def from_names(cls, written: tuple[str, ...]) -> _Columns:
         numeric = [i for i, name in enumerate(written) if name not in TEXT_COLUMNS]
         index = {written[i]: place for place, i in enumerate(numeric)}
-        names = next((p for p in POSITIONS if index.keys() >= set(p)), None)
-        if names is None:
-            wanted = ", ".join(" ".join(p) for p in POSITIONS)
-            raise TrajectoryError(
-                f"no position columns (one of: {wanted}) among the columns {' '.join(written)!r}"
-            )
+        names = next((p for p in POSITIONS if index.keys() >= set(p)), ("",))
         vectors = {
             key: [index[c] for c in parts]
             for key, parts in VECTORS.items()
             if index.keys() >= set(parts)
         }
-        position = [index[c] for c in names]
+        position = [index[c] for c in names if c]
         taken = set(position).union(*vectors.values())
         scalars = {name: i for name, i in index.items() if i not in taken}
         return cls(written, numeric, position, names[0].startswith("xs"), vectors, scalars)
 
     def split(self, table: np.ndarray, box: np.ndarray) -> dict[str, np.ndarray]:
         """The columns of a table by quantity, positions unscaled with the (3, 2) box."""
-        position = table[:, self.position]
-        if self.scaled:
-            position = box[:, 0] + position * (box[:, 1] - box[:, 0])
-        data = {"position": position}
-        data |= {key: table[:, places] for key, places in self.vectors.items()}
+        # Of large clouds, take() is twice as fast as indexing.
+        data = {key: table.take(places, axis=1) for key, places in self.vectors.items()}
         data |= {key: table[:, place].copy() for key, place in self.scalars.items()}
+        if self.position:
+            data["position"] = table.take(self.position, axis=1)
+        if self.scaled:
+            data["position"] = box[:, 0] + data["position"] * (box[:, 1] - box[:, 0])
         if "diameter" in data and "radius" not in data:
             data["radius"] = 0.5 * data["diameter"]
         return data
@@ -245,9 +260,8 @@ class _Text:
 
     @staticmethod
     def end(buffer: Buffer, header: _Header) -> int:
-        stop = buffer.find(b"ITEM:", header.body)
-        if stop >= 0:
-            return stop
+        if following := NEXT_ITEM.search(buffer, header.body):
+            return following.start()
         rest = buffer[header.body :]
         if rest.count(b"\n") < header.n_atoms:
             raise _CutError
@@ -255,22 +269,20 @@ class _Text:
 
     @staticmethod
     def table(frame: bytes, header: _Header, columns: _Columns) -> np.ndarray:
-        body = frame[header.body : -1]
-        n_lines = body.count(b"\n") + 1
+        n_lines = frame.count(b"\n", header.body)
         if n_lines != header.n_atoms:
             raise TrajectoryError(f"{header.n_atoms} atoms announced, {n_lines} lines found")
         if len(columns.numeric) < len(columns.written):
-            return _parse_lines(body, columns)
-        # A JSON parser turns text into doubles several times faster than numpy does, and rounds as
-        # correctly; nan, inf and odd spacing are not JSON and take the slow road.
-        size = header.n_atoms * len(columns.written)
+            return _parse_lines(frame[header.body : -1], columns)
+        lines = io.BytesIO(frame)
+        lines.seek(header.body)
         try:
-            values = from_json(b"[" + body.translate(SEPARATORS_TO_COMMAS) + b"]")
-            if len(values) == size:
-                return np.fromiter(values, np.float64, size).reshape(header.n_atoms, -1)
-        except (ValueError, TypeError, OverflowError):
-            pass
-        return _parse_lines(body, columns)
+            table = np.loadtxt(lines, comments=None, encoding="latin1", ndmin=2)
+        except ValueError:
+            return _parse_lines(frame[header.body : -1], columns)
+        if table.shape == (header.n_atoms, len(columns.written)):
+            return table
+        return _parse_lines(frame[header.body : -1], columns)  # blank lines are no error to numpy
 
 
 def _parse_lines(body: bytes, columns: _Columns) -> np.ndarray:
@@ -373,8 +385,9 @@ class _Binary:
                 "written by several MPI ranks without an id column: the order of the atoms is "
                 "unknown; add id to the dump's columns"
             )
-        parts = [np.frombuffer(frame[a:b], dtype="<f8") for a, b in chunks]
-        table = np.concatenate(parts).reshape(header.n_atoms, len(header.columns))
+        parts = [np.frombuffer(frame, "<f8", (b - a) // 8, offset=a) for a, b in chunks]
+        numbers = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        table = numbers.reshape(header.n_atoms, len(header.columns))
         if len(columns.numeric) < len(columns.written):
             return table[:, columns.numeric]
         return table
@@ -439,7 +452,11 @@ def _recognise(buffer: Buffer) -> type[_Format]:
 
 @dataclass
 class _Dump:
-    """An indexed dump: frame i lies between ``offsets[i]`` and ``offsets[i + 1]``."""
+    """An indexed dump: frame i lies between ``offsets[i]`` and ``offsets[i + 1]``.
+
+    ``constants`` (N,) are what a file beside it says of columns that it lacks. ``unread`` is the
+    first frame, until it is asked for: it has to be read for its ids.
+    """
 
     path: str
     format: type[_Format]
@@ -449,10 +466,25 @@ class _Dump:
     cut: bool
     untimed: int | None
     ids: np.ndarray | None = None
+    constants: dict[str, np.ndarray] = field(default_factory=dict)
+    unread: tuple[_Header, np.ndarray] | None = None
 
     @property
     def n_frames(self) -> int:
         return len(self.offsets) - 1
+
+    @classmethod
+    def open(cls, path: str, limit: int | None = None) -> _Dump:
+        """Scan a dump that must have positions, and find its constants."""
+        dump = cls.scan(path, limit)
+        if not dump.columns.position:
+            wanted = ", ".join(" ".join(p) for p in POSITIONS)
+            raise TrajectoryError(
+                f"{path}: no position columns (one of: {wanted}) among the columns"
+                f" {' '.join(dump.first.columns)!r}"
+            )
+        dump.constants = _constants_beside(dump)
+        return dump
 
     @classmethod
     def scan(cls, path: str, limit: int | None = None) -> _Dump:
@@ -463,44 +495,50 @@ class _Dump:
             with closing(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) as buffer:
                 dump = cls._scan(path, buffer, limit)
         with _open(path) as file:
-            dump._learn_ids(file)
+            dump._read_first(file)
         return dump
 
     @classmethod
     def _scan(cls, path: str, buffer: mmap.mmap, limit: int | None) -> _Dump:
         kind = _recognise(buffer)
         offsets = array("q", [0])
-        first, cut, untimed = None, False, None
+        headers: list[_Header] = []
+        cut, untimed = False, None
         while offsets[-1] < len(buffer) and len(offsets) - 1 != limit:
             frame = len(offsets) - 1
             try:
                 with _located(f"frame {frame}"):
                     header = kind.header(buffer, offsets[-1])
-                    first = first or header
-                    _check_same(header, first)
+                    _check_same(header, headers[0] if headers else header)
                     offsets.append(kind.end(buffer, header))
+                _forget(buffer, *offsets[-2:])
             except _CutError:
                 cut = True
                 break
             if header.time is None and untimed is None:
                 untimed = frame
-        if len(offsets) == 1:
+            if frame < FRAMES_TO_COMPARE:
+                headers.append(header)
+            if frame + 1 == FRAMES_TO_COMPARE and limit is None and kind is _Binary:
+                offsets.extend(_equal_frames(buffer, offsets, headers))
+        if not headers:
             raise TrajectoryError("the file ends before its first frame does")
-        return cls(path, kind, first, _Columns.from_names(first.columns), offsets, cut, untimed)
+        columns = _Columns.from_names(headers[0].columns)
+        return cls(path, kind, headers[0], columns, offsets, cut, untimed)
 
-    def _learn_ids(self, file: BinaryIO) -> None:
-        if "id" not in self.columns.scalars:
-            return
-        _, table = self._parse(file, 0)
-        ids = np.sort(table[:, self.columns.scalars["id"]])
-        with _located(f"{self.path}: frame 0"):
-            if not np.all((np.abs(ids) < MAX_ID) & (ids == np.floor(ids))):
-                raise TrajectoryError("damaged: an id that is not an integer")
-            twice = ids[1:][np.diff(ids) == 0]
-            if len(twice):
-                raise TrajectoryError(f"id {int(twice[0])} occurs more than once")
-        self.ids = ids.astype(np.int64)
-        self.ids.flags.writeable = False
+    def _read_first(self, file: BinaryIO) -> None:
+        header, table = self._parse(file, 0)
+        if "id" in self.columns.scalars:
+            ids = np.sort(table[:, self.columns.scalars["id"]])
+            with _located(f"{self.path}: frame 0"):
+                if not np.all((np.abs(ids) < MAX_ID) & (ids == np.floor(ids))):
+                    raise TrajectoryError("damaged: an id that is not an integer")
+                twice = ids[1:][np.diff(ids) == 0]
+                if len(twice):
+                    raise TrajectoryError(f"id {int(twice[0])} occurs more than once")
+            self.ids = ids.astype(np.int64)
+            self.ids.flags.writeable = False
+        self.unread = header, self._sorted(0, table)
 
     def header(self, file: BinaryIO, frame: int) -> _Header:
         """The header of a frame; its ``body`` offset is counted from the frame's start."""
@@ -508,20 +546,28 @@ class _Dump:
         with _located(f"{self.path}: frame {frame}"):
             return self.format.header(self._bytes(file, frame, min(size, 16 * MAX_LINE)), 0)
 
-    def read(self, file: BinaryIO, frame: int) -> tuple[_Header, np.ndarray]:
-        """The header of a frame and its atoms, sorted by id."""
-        header, table = self._parse(file, frame)
+    def read(self, file: BinaryIO, frame: int) -> tuple[_Header, dict[str, np.ndarray]]:
+        """The header of a frame and its quantities, sorted by id."""
+        if frame == 0 and self.unread is not None:
+            (header, table), self.unread = self.unread, None
+        else:
+            header, table = self._parse(file, frame)
+            table = self._sorted(frame, table)
+        data = self.constants | self.columns.split(table, header.box)
+        return header, data if self.ids is None else data | {"id": self.ids}
+
+    def _sorted(self, frame: int, table: np.ndarray) -> np.ndarray:
         if self.ids is None:
-            return header, table
+            return table
         place = self.columns.scalars["id"]
         if np.array_equal(table[:, place], self.ids):
-            return header, table
+            return table
         table = table[np.argsort(table[:, place], kind="stable")]
         if not np.array_equal(table[:, place], self.ids):
             raise TrajectoryError(
                 f"{self.path}: frame {frame}: the ids of the atoms are not those of frame 0"
             )
-        return header, table
+        return table
 
     def _parse(self, file: BinaryIO, frame: int) -> tuple[_Header, np.ndarray]:
         with _located(f"{self.path}: frame {frame}"):
@@ -536,6 +582,60 @@ class _Dump:
         if len(raw) < size:
             raise TrajectoryError("the file has become shorter since it was opened")
         return raw
+
+
+def _forget(buffer: mmap.mmap, start: int, end: int) -> None:
+    """Give back the memory of a part of a file that has been looked through.
+
+    It could be taken away at any time, but until then counts as memory of the process.
+    """
+    if hasattr(mmap, "MADV_DONTNEED"):
+        page = start - start % mmap.PAGESIZE
+        buffer.madvise(mmap.MADV_DONTNEED, page, end - page)
+
+
+def _constants_beside(dump: _Dump) -> dict[str, np.ndarray]:
+    """What a file of constants beside a dump says of its atoms where the dump itself does not."""
+    beside = Path(dump.path).with_name(BINARY_CONSTANTS)
+    missing = set(CONSTANT_COLUMNS.split()) - dump.columns.scalars.keys()
+    if not missing or dump.ids is None or not beside.is_file():
+        return {}
+    source = _Dump.scan(str(beside), limit=1)
+    with _open(source.path) as file:
+        _, data = source.read(file, 0)
+    ids = np.arange(0) if source.ids is None else source.ids
+    place = np.searchsorted(ids, dump.ids)
+    if not np.array_equal(ids[place[place < len(ids)]], dump.ids):
+        warnings.warn(f"{beside}: does not know all atoms of {dump.path}, not used", stacklevel=6)
+        return {}
+    constants = {name: data[name][place] for name in missing & data.keys()}
+    for values in constants.values():
+        values.flags.writeable = False
+    return constants
+
+
+def _equal_frames(buffer: Buffer, offsets: Sequence[int], headers: Sequence[_Header]) -> range:
+    """The ends of the other frames of a binary dump, where all are as long as the last one read.
+
+    They are if the rest of the file is a whole number of frames, the last of these is one of the
+    same kind, and their number is what the steps of the first and the last say it is. Else none.
+    """
+    before, known = headers[-2:]
+    start, end = offsets[-2:]
+    count, rest = divmod(len(buffer) - end, end - start)
+    if rest or not count:
+        return range(0)
+    try:
+        last = _Binary.header(buffer, len(buffer) - (end - start))
+        whole = _Binary.end(buffer, last) == len(buffer)
+    except (_CutError, TrajectoryError):
+        return range(0)
+    alike = last.columns == known.columns and last.n_atoms == known.n_atoms
+    timed = (last.time is None) == (known.time is None)
+    evenly = last.step - known.step == count * (known.step - before.step)
+    if not (whole and alike and timed and evenly):
+        return range(0)
+    return range(2 * end - start, len(buffer) + 1, end - start)
 
 
 def _check_same(header: _Header, first: _Header) -> None:
@@ -575,9 +675,10 @@ def _open(path: str) -> BinaryIO:
 class BlastDumpReader(ReaderBase):
     """MDAnalysis reader of LAMMPS ``dump custom`` files, text or binary, in the units written.
 
-    Registered as ``BLASTDUMP``. The module's docstring says what a frame holds. Opening indexes
-    the frames without reading them, so that any frame is then one seek away; nothing but 8 bytes a
-    frame is kept.
+    Registered as ``BLASTDUMP``. The module's docstring says what a frame holds. Any frame is one
+    seek away. To open a text dump, or a binary one whose frames are not equally long, is to look
+    through it once for where frames begin; of a binary dump with frames of one length and evenly
+    spaced steps, four headers are read. Kept are 8 bytes a frame, the ids, and constants.
 
     Parameters
     ----------
@@ -600,7 +701,7 @@ class BlastDumpReader(ReaderBase):
     def __init__(self, filename: str | Path, timestep: float | None = None, **kwargs: Any) -> None:
         super().__init__(filename, **kwargs)
         self._timestep = _checked_timestep(timestep)
-        self._dump = _Dump.scan(self.filename)
+        self._dump = _Dump.open(self.filename)
         self.n_atoms: int = self._dump.first.n_atoms
         self.n_frames: int = self._dump.n_frames
         self._check_times()
@@ -613,7 +714,7 @@ class BlastDumpReader(ReaderBase):
     @classmethod
     def parse_n_atoms(cls, filename: str | Path, **kwargs: Any) -> int:
         """Number of atoms in the dump's first frame."""
-        return _Dump.scan(str(filename), limit=1).first.n_atoms
+        return _Dump.open(str(filename), limit=1).first.n_atoms
 
     def close(self) -> None:
         """Close the file; reading on opens it again."""
@@ -641,39 +742,44 @@ class BlastDumpReader(ReaderBase):
     def _read_frame(self, frame: int) -> Timestep:
         if not hasattr(self, "_file"):
             self._file = _open(self.filename)
-        header, table = self._dump.read(self._file, frame)
         ts = self.ts
         # A diverged run may hold numbers that float32 cannot; they become inf, which is no error.
         with np.errstate(all="ignore"):
-            ts.data.update(self._dump.columns.split(table, header.box))
+            header, data = self._dump.read(self._file, frame)
+            ts.data.update(data)
             ts.positions = ts.data["position"]
             if "velocity" in ts.data:
                 ts.velocities = ts.data["velocity"]
             if "force" in ts.data:
                 ts.forces = ts.data["force"]
             ts.dimensions = np.append(header.box[:, 1] - header.box[:, 0], [90.0, 90.0, 90.0])
-        if self._dump.ids is not None:
-            ts.data["id"] = self._dump.ids
-        ts.data |= {"box": header.box, "step": header.step, "time": self._time(header)}
+        ts.data |= {"box": header.box, "step": header.step, "time": self._time(header, frame)}
         ts.frame = frame
         return ts
 
-    def _time(self, header: _Header) -> float:
-        return header.time if header.time is not None else header.step * self._timestep
+    def _time(self, header: _Header, frame: int) -> float:
+        if header.time is not None:
+            return header.time
+        if self._timestep is None:
+            raise self._no_time(frame)
+        return header.step * self._timestep
 
     def _spacing(self) -> float:
         if self.n_frames < 2:
             return 0.0
-        start, stop = (self._time(self._dump.header(self._file, i)) for i in (0, 1))
+        start, stop = (self._time(self._dump.header(self._file, i), i) for i in (0, 1))
         return stop - start
 
     def _check_times(self) -> None:
         if self._timestep is None and self._dump.untimed is not None:
-            raise TrajectoryError(
-                f"{self.filename}: frame {self._dump.untimed} has no time; give the length of a "
-                "step in seconds, as `--timestep 1e-4` or open_universe(path, timestep=1e-4), "
-                "or write dumps with 'dump_modify ... time yes'"
-            )
+            raise self._no_time(self._dump.untimed)
+
+    def _no_time(self, frame: int) -> TrajectoryError:
+        return TrajectoryError(
+            f"{self.filename}: frame {frame} has no time; give the length of a step in seconds, as"
+            " `--timestep 1e-4` or open_universe(path, timestep=1e-4), or write dumps with"
+            " 'dump_modify ... time yes'"
+        )
 
     def _warn(self) -> None:
         name, units = self.filename, self._dump.first.units
@@ -716,26 +822,30 @@ class BlastDumpParser(TopologyReaderBase):
 
     def parse(self, **kwargs: Any) -> Topology:
         """Return the Topology; raises TrajectoryError as :class:`BlastDumpReader` does."""
-        dump = _Dump.scan(str(self.filename), limit=1)
+        dump = _Dump.open(str(self.filename), limit=1)
         with _open(dump.path) as file:
-            header, table = dump.read(file, 0)
-        data = dump.columns.split(table, header.box)
-        n = header.n_atoms
-        ids = dump.ids if dump.ids is not None else np.arange(1, n + 1)
-        attrs = [
-            topologyattrs.Atomids(ids.copy()),
-            topologyattrs.Resids(np.array([1])),
-            topologyattrs.Resnums(np.array([1])),
-            topologyattrs.Segids(np.array(["SYSTEM"], dtype=object)),
-        ]
-        if "type" in data:
-            types = np.array([f"{t:g}" for t in data["type"]], dtype=object)
-            attrs.append(topologyattrs.Atomtypes(types))
-        for name, attr in (
-            ("mass", topologyattrs.Masses),
-            ("radius", topologyattrs.Radii),
-            ("q", topologyattrs.Charges),
-        ):
-            if name in data:
-                attrs.append(attr(data[name]))
-        return Topology(n, 1, 1, attrs=attrs)
+            _, data = dump.read(file, 0)
+        return _topology(dump.first.n_atoms, data)
+
+
+def _topology(n_atoms: int, data: dict[str, Any]) -> Topology:
+    """The topology of atoms with the quantities `data` of their first frame."""
+    ids = data.get("id", np.arange(1, n_atoms + 1))
+    attrs = [
+        topologyattrs.Atomids(ids.copy()),
+        topologyattrs.Resids(np.array([1])),
+        topologyattrs.Resnums(np.array([1])),
+        topologyattrs.Segids(np.array(["SYSTEM"], dtype=object)),
+    ]
+    if "type" in data:
+        kinds, kind = np.unique(data["type"], return_inverse=True)
+        names = np.array([f"{t:g}" for t in kinds], dtype=object)
+        attrs.append(topologyattrs.Atomtypes(names[kind]))
+    for name, attr in (
+        ("mass", topologyattrs.Masses),
+        ("radius", topologyattrs.Radii),
+        ("q", topologyattrs.Charges),
+    ):
+        if name in data:
+            attrs.append(attr(data[name].copy()))
+    return Topology(n_atoms, 1, 1, attrs=attrs)

@@ -1,6 +1,8 @@
 """The analyses against clouds whose envelope is known because it was made so."""
 
 import json
+import tracemalloc
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -8,16 +10,17 @@ from conftest import blast
 
 from lammps_blast.analysis import (
     AnalysisError,
+    Cloud,
     EnergyLedger,
     Envelope,
     KineticEnergy,
     Speeds,
     Together,
 )
-from lammps_blast.analyze import analyze
+from lammps_blast.analyze import analyze, summarize
 from lammps_blast.deck import ENERGY_ACCOUNTS
 from lammps_blast.step_history import StepHistory
-from lammps_blast.trajectory import open_universe
+from lammps_blast.trajectory import _Dump, open_universe
 
 AXIS = np.array([1.0, 2.0, -2.0]) / 3.0
 FIRST = np.array([2.0, 1.0, 2.0]) / 3.0  # with SECOND and AXIS a right-handed frame
@@ -154,6 +157,43 @@ def test_speeds_and_energies(tmp_path):
         rotational = 0.5 * np.sum(inertia * np.sum(spin**2, axis=1))
         assert energy.results.rotational[i] == pytest.approx(rotational)
     assert speeds.results.times == pytest.approx([0.1, 0.2, 0.3])
+
+
+def flight(count, frames):
+    rng = np.random.default_rng(4)
+    launch, zeros = rng.normal(size=(count, 3)), np.zeros((count, 3))
+    return [(0.1 * i, (1.0 + i) * launch, launch, zeros) for i in range(frames)]
+
+
+def test_memory_does_not_grow_with_frames(tmp_path):
+    peaks = {}
+    for frames in (4, 4, 40):  # the first run also fills caches that stay
+        path = write_dump(tmp_path / "dump", flight(1000, frames))
+        tracemalloc.start()
+        universe = open_universe(path)
+        cloud = Cloud.of(universe)
+        analyses = Envelope(universe, AXIS, cloud=cloud), Speeds(universe, [3], cloud)
+        Together(*analyses, KineticEnergy(universe, cloud)).run()
+        peaks[frames] = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    one_frame = 1000 * len(COLUMNS.split()) * 8
+    assert peaks[4] > one_frame
+    assert peaks[40] - peaks[4] < 0.5 * one_frame
+
+
+def test_each_frame_is_read_once_and_the_first_thrice(tmp_path, monkeypatch):
+    """To open the trajectory, in the pass over it, and as MDAnalysis rewinds after that."""
+    path = write_dump(tmp_path / "dump", flight(50, 5), columns=COLUMNS.replace("radius ", ""))
+    read = Counter()
+    parse = _Dump._parse
+
+    def counted(self, file, frame):
+        read[frame] += 1
+        return parse(self, file, frame)
+
+    monkeypatch.setattr(_Dump, "_parse", counted)
+    summarize(analyze(path))
+    assert read == {0: 3, 1: 1, 2: 1, 3: 1, 4: 1}
 
 
 def test_missing_columns_and_axes_are_named(tmp_path):

@@ -18,15 +18,17 @@ import numpy as np
 import pytest
 from MDAnalysis.analysis.base import AnalysisBase
 
-from lammps_blast.deck import BINARY_TRAJECTORY, TEXT_TRAJECTORY
+from lammps_blast.deck import BINARY_CONSTANTS, BINARY_TRAJECTORY, TEXT_TRAJECTORY
 from lammps_blast.trajectory import (
     BlastDumpReader,
     TrajectoryError,
+    _Binary,
     open_universe,
 )
 
 N_ATOMS, N_FRAMES, EVERY, STEP = 20, 6, 10, 1.0e-3
-COLUMNS = "id type mass radius q x y z vx vy vz omegax omegay omegaz fx fy fz tqx tqy tqz"
+STATE = "x y z vx vy vz omegax omegay omegaz fx fy fz tqx tqy tqz"
+COLUMNS = f"id type mass radius q {STATE}"
 FULL_KEYS = {
     "position": (N_ATOMS, 3),
     "velocity": (N_ATOMS, 3),
@@ -79,7 +81,11 @@ dump scaled all custom $n scaled.txt id element diameter xs ys zs
 dump_modify scaled sort id time yes format float %.15g
 dump unwrapped all custom $n unwrapped.bin id element xu yu zu c_speed
 dump_modify unwrapped sort id time yes
+shell mkdir run
+dump moving all custom $n run/{BINARY_TRAJECTORY} id {STATE}
+dump_modify moving sort id time yes units yes
 run {EVERY * (N_FRAMES - 1)}
+write_dump all custom run/{BINARY_CONSTANTS} id type mass radius q modify sort id
 """
 
 
@@ -163,6 +169,33 @@ def test_binary_is_exact(dumps):
         position += STEP * velocity
         velocity += half
     np.testing.assert_allclose(data[1]["position"], position, rtol=1e-15, atol=1e-15)
+
+
+def test_constants_are_read_from_the_file_beside_a_dump(dumps):
+    whole, moving = (open_universe(dumps / name) for name in (BINARY_TRAJECTORY, "run"))
+    for a, b in zip(snapshot(whole), snapshot(moving), strict=True):
+        assert a.keys() == b.keys()
+        assert all(np.array_equal(a[key], b[key]) for key in a)
+    assert np.array_equal(whole.atoms.masses, moving.atoms.masses)
+    assert list(whole.atoms.types) == list(moving.atoms.types)
+    assert (dumps / "run" / BINARY_TRAJECTORY).stat().st_size < 0.85 * (
+        dumps / BINARY_TRAJECTORY
+    ).stat().st_size
+
+
+def test_constants_of_some_of_the_atoms_and_of_others(dumps, tmp_path):
+    shutil.copy(dumps / "run" / BINARY_TRAJECTORY, tmp_path)
+    alone = open_universe(tmp_path).trajectory[1].data
+    assert {"mass", "radius", "q", "type"}.isdisjoint(alone)
+    shutil.copy(dumps / "run" / BINARY_CONSTANTS, tmp_path)
+    part = tmp_path / "part.txt"
+    part.write_text(small_text(["7 0 0 0", "2 0 0 0"], ["2 0 0 0", "7 0 0 0"]))
+    whole = open_universe(dumps / BINARY_TRAJECTORY).trajectory[0].data
+    for ts in open_universe(part).trajectory:
+        assert ts.data["mass"].tolist() == whole["mass"][[1, 6]].tolist()
+    part.write_text(small_text([f"{N_ATOMS + 1} 0 0 0", "2 0 0 0"]))
+    with pytest.warns(UserWarning, match="does not know all atoms"):
+        assert "mass" not in open_universe(part).trajectory[0].data
 
 
 @pytest.mark.parametrize(("key", "shape"), FULL_KEYS.items())
@@ -343,6 +376,54 @@ def test_pickling_and_copying_keep_the_frame(dump, clone):
 def test_copy_keeps_the_timestep_argument(dumps):
     twin = open_universe(dumps / "bare.txt", timestep=STEP).copy()
     assert twin.trajectory[1].time == pytest.approx(EVERY * STEP)
+
+
+def long_binary(dumps, steps) -> bytes:
+    """A binary dump of the first frame and then the second over and over, at the given steps."""
+    raw = (dumps / BINARY_TRAJECTORY).read_bytes()
+    offsets = BlastDumpReader(dumps / BINARY_TRAJECTORY)._dump.offsets
+    frames = [raw[: offsets[1]]]
+    for step in steps:
+        frame = bytearray(raw[offsets[1] : offsets[2]])
+        struct.pack_into("<q", frame, raw.index(b"DUMPCUSTOM") + 18, step)
+        frames.append(bytes(frame))
+    return b"".join(frames)
+
+
+def test_frames_of_equal_length_are_found_without_a_scan(dumps, tmp_path, monkeypatch):
+    path = tmp_path / "long.bin"
+    path.write_bytes(long_binary(dumps, range(10, 5010, 10)))
+    looked_at = []
+    header = _Binary.header.__func__
+
+    def counted(cls, buffer, start):
+        looked_at.append(start)
+        return header(cls, buffer, start)
+
+    monkeypatch.setattr(_Binary, "header", classmethod(counted))
+    trajectory = open_universe(path).trajectory
+    assert len(looked_at) < 12
+    assert [trajectory[i].data["step"] for i in (0, 1, 77, 500)] == [0, 10, 770, 5000]
+    assert len(trajectory) == 501
+
+
+@pytest.mark.parametrize("damage", ["uneven steps", "a longer frame", "cut"])
+def test_frames_that_only_look_equal_are_scanned(damage, dumps, tmp_path):
+    steps = list(range(10, 310, 10))
+    if damage == "uneven steps":
+        steps[-1] += 10
+    raw = long_binary(dumps, steps)
+    if damage == "a longer frame":
+        # Two chunks in place of one, the first of them empty: four bytes more.
+        size = (len(raw) - len(long_binary(dumps, []))) // len(steps)
+        start = len(raw) - 10 * size
+        columns = raw.index(b"tqz", start) + 3
+        raw = raw[:columns] + struct.pack("<ii", 2, 0) + raw[columns + 4 :]
+    path = tmp_path / "dump"
+    path.write_bytes(raw[:-1] if damage == "cut" else raw)
+    _, frames = read_quietly(path)
+    wanted = [0, *steps][: -1 if damage == "cut" else None]
+    assert [frame["step"] for frame in frames] == wanted
 
 
 def test_close_and_context_manager(dump):

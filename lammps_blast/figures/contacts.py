@@ -216,7 +216,9 @@ def _draw_each(
     axes: Axes, analyses: Analyses, network: ContactNetwork, scale: ContactScale
 ) -> None:
     """Draw a bar for each of a few contacts, the strongest one above."""
-    ids = analyses.universe.trajectory[0].data.get("id", np.arange(1, len(analyses.cloud.mass) + 1))
+    ids = analyses.cloud.ids
+    if ids is None:
+        ids = np.arange(1, len(analyses.cloud.mass) + 1)
     order = np.argsort(scale.values, kind="stable")
     names = [f"{first} and {second}" for first, second in ids[network.pairs[order]]]
     values = scale.values[order] / scale.unit.size

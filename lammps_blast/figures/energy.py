@@ -160,7 +160,7 @@ def _not_empty(accounts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 def _remarks(analyses: Analyses, joined: bool) -> Iterator[str]:
     if analyses.ledger is None:
         yield "from the trajectory; no energy table"
-        if "mass" not in analyses.universe.trajectory[0].data:
+        if not analyses.cloud.has_mass:
             yield "masses unknown: 1 kg each"
     if not joined:
         yield Sampling.of(analyses).warning

@@ -84,7 +84,7 @@ def _period(analyses: Analyses) -> float:
         return np.nan
     if not any(case.fields.magnetic):
         return np.inf
-    if cloud.charge is None or "mass" not in analyses.universe.trajectory[0].data:
+    if cloud.charge is None or not cloud.has_mass:
         return np.nan
     frequency = theory.cyclotron_frequency(cloud.charge / cloud.mass, case.fields.magnetic)
     return float(np.min(theory.cyclotron_period(frequency)))

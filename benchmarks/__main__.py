@@ -11,8 +11,10 @@ from rich.console import Console
 from benchmarks import machine
 from benchmarks.contact import contact_rows
 from benchmarks.contact_ledger import ledger_rows
+from benchmarks.contact_scale import scale_rows
 from benchmarks.near_field import near_field_rows
 from benchmarks.results import Row
+from benchmarks.scaling import scaling_rows
 from benchmarks.step_loop import step_rows
 from benchmarks.table import print_table, write_json
 from benchmarks.whole_command import command_rows
@@ -20,6 +22,8 @@ from benchmarks.whole_command import command_rows
 GROUPS = {
     "steps": step_rows,
     "contact": contact_rows,
+    "contact-scale": scale_rows,
+    "scaling": scaling_rows,
     "near-field": near_field_rows,
     "ledger": ledger_rows,
     "command": command_rows,

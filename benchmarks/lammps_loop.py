@@ -44,13 +44,24 @@ class LammpsLoop:
             write_particle_data(self.particles, data)
             lammps = start_lammps(log="none")
             try:
-                lammps.commands_string(self._deck(data, log))
+                lammps.commands_string(self.deck(data, log))
             finally:
                 lammps.close()
-            parts = self.parts or len(self.particles)
-            return 1e9 * _loop_seconds(log) / (parts * self.steps)
+            return self.nanoseconds(log.read_text())
 
-    def _deck(self, data: Path, log: Path) -> str:
+    def nanoseconds(self, log: str) -> float:
+        """Return ns per step and part by what LAMMPS logged of the steps that count.
+
+        Raises
+        ------
+        RuntimeError
+            If LAMMPS did not get so far.
+        """
+        parts = self.parts or len(self.particles)
+        return 1e9 * loop_seconds(log) / (parts * self.steps)
+
+    def deck(self, data: Path, log: Path) -> str:
+        """Return the commands, which read the particles from `data` and time the steps in `log`."""
         return f"""\
 variable step index {self.step!r}
 {system_commands(self.particles, str(data), self.case)}
@@ -63,8 +74,15 @@ log none
 """
 
 
-def _loop_seconds(log: Path) -> float:
-    loop = re.search(r"Loop time of (\S+) on 1 procs", log.read_text())
-    if loop is None:
-        raise RuntimeError(f"LAMMPS did not say how long its loop took: {log.read_text()}")
-    return float(loop.group(1))
+def loop_seconds(log: str) -> float:
+    """Return how long the last run in a log of LAMMPS or LIGGGHTS took, s.
+
+    Raises
+    ------
+    RuntimeError
+        If no run ended.
+    """
+    loops = re.findall(r"Loop time of (\S+) on \d+ procs", log)
+    if not loops:
+        raise RuntimeError(f"the log does not say how long its loop took: {log}")
+    return float(loops[-1])

@@ -92,8 +92,8 @@ STEP_COLUMNS = (
 )
 FIRST_STEP_NUMBER = 3
 NO_GHOSTS = "atom_modify sort 0 0.0\ncomm_modify cutoff 1.0e-9"
-# LAMMPS's time steps between two looks at how evenly ranks share particles that interact, and by how
-# much more than the mean the fullest one may have.
+# LAMMPS's time steps between two looks at how evenly ranks share particles that touch, and how many
+# times the mean the fullest one may have.
 BALANCE_EVERY = 1000
 UNEVENNESS = 1.1
 # LAMMPS's time steps between two looks for numbers gone wild, and the part of the largest kinetic
@@ -404,8 +404,12 @@ def _launch(case: Case) -> str:
 
 
 def _balance(case: Case) -> str:
-    """Return the commands that share the cloud out evenly, where there are ranks to share it."""
-    if not _needs_ghosts(case) or _adapts(case):
+    """Return the commands that share the cloud out evenly, where there are ranks to share it.
+
+    Not with stock contacts: their histories do not travel between the boxes of such a partition.
+    """
+    is_stock = case.contact is not None and case.contact.is_stock
+    if is_stock or not _needs_ghosts(case) or _adapts(case):
         return ""
     return f"""\
 # A cloud fills the middle of its box and not the corners: ranks get boxes that hold equal numbers.

@@ -1,4 +1,4 @@
-"""Contacts, bonds, energy ledger and motion shared out among threads: the same as with one."""
+"""Contacts, bonds, ledger and motion shared out among threads and ranks: the same as with one."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from conftest import SYSTEM, lmp, make_particles
 
 from lammps_blast.deck import write_particle_data
 
-SIDE, SPACING, STEP = 7, 0.099, 1e-5  # m, s
+SIDE, SPACING, STEP = 7, 0.099, 2.5e-5  # m, s
 
 SETTINGS = f"""
     neighbor 0.02 bin
@@ -29,7 +29,7 @@ MOTION = """
     compute rows all blast/contact/local
     thermo_style custom step c_kinetic c_rotational c_pair[1] c_pair[2] f_losses[1] f_losses[2] &
       f_losses[3] f_losses[4] f_integrate[1] f_integrate[2] c_pair[3] c_pair[4]
-    thermo 50
+    thermo 40
 """
 ACCOUNTS = ["c_kinetic", "c_rotational", "c_pair[1]", "c_pair[2]"]
 LOSSES = ["f_losses[1]", "f_losses[2]", "f_losses[3]", "f_losses[4]"]
@@ -60,10 +60,10 @@ def crowd():
     )
 
 
-def run(folder, commands, words):
+def run(folder, commands, words=(), ranks=1):
     folder.mkdir(exist_ok=True)
     (folder / "in.deck").write_text(commands)
-    done = lmp("-in", "in.deck", "-log", "none", *words, folder=folder)
+    done = lmp("-in", "in.deck", "-log", "none", *words, folder=folder, ranks=ranks)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -96,7 +96,7 @@ def alone(tmp_path_factory):
     folder = tmp_path_factory.mktemp("threads") / "alone"
     folder.mkdir()
     write_particle_data(crowd(), folder / "particles.data")
-    run(folder, start(folder) + run_and_write("middle", 300) + run_and_write("end", 300), [])
+    run(folder, start(folder) + run_and_write("middle", 120) + run_and_write("end", 120))
     return folder
 
 
@@ -112,7 +112,7 @@ def test_threads_change_nothing_but_rounding(alone, tmp_path, monkeypatch, threa
     words = ["-pk", "omp", str(threads)] if by_package else []
     if not by_package:
         monkeypatch.setenv("OMP_NUM_THREADS", str(threads))
-    commands = start(alone) + run_and_write("middle", 300)
+    commands = start(alone) + run_and_write("middle", 120)
     run(tmp_path / "once", commands, words)
     once = results(tmp_path / "once", "middle")
     assert_same(once, results(alone, "middle"))
@@ -129,7 +129,7 @@ def test_ledger_closes_and_momentum_is_kept_in_threads(tmp_path):
     write_particle_data(crowd(), tmp_path / "particles.data")
     without_field = MOTION.replace("magnetic 10 0 0", "").replace("drag chow", "drag none")
     commands = start(tmp_path).replace(MOTION, without_field)
-    commands += run_and_write("start", 0) + run_and_write("end", 600)
+    commands += run_and_write("start", 0) + run_and_write("end", 240)
     run(tmp_path, commands, ["-pk", "omp", "3"])
     state, totals, _ = results(tmp_path, "start")
     end_state, end_totals, _ = results(tmp_path, "end")
@@ -143,7 +143,18 @@ def test_ledger_closes_and_momentum_is_kept_in_threads(tmp_path):
 
 
 def test_a_restart_goes_on_with_another_number_of_threads(alone, tmp_path):
-    run(tmp_path, start(alone) + "run 300\nwrite_restart state\n", ["-pk", "omp", "3"])
-    commands = f"read_restart state\n{SETTINGS}{MOTION}{run_and_write('end', 300)}"
+    run(tmp_path, start(alone) + "run 120\nwrite_restart state\n", ["-pk", "omp", "3"])
+    commands = f"read_restart state\n{SETTINGS}{MOTION}{run_and_write('end', 120)}"
     run(tmp_path, commands, ["-pk", "omp", "2"])
+    assert_same(results(tmp_path, "end"), results(alone, "end"))
+
+
+def test_balanced_ranks_agree_with_one_and_restart(alone, tmp_path):
+    """Ranks' shares change every few steps, and particles move there with their bonds."""
+    balance = "comm_style tiled\nfix share all balance 10 1.0 rcb\n"
+    commands = start(alone) + balance + run_and_write("middle", 120) + "write_restart state\n"
+    run(tmp_path, commands, ranks=2)
+    assert_same(results(tmp_path, "middle"), results(alone, "middle"))
+    commands = f"read_restart state\n{SETTINGS}{MOTION}{balance}{run_and_write('end', 120)}"
+    run(tmp_path, commands, ranks=3)
     assert_same(results(tmp_path, "end"), results(alone, "end"))

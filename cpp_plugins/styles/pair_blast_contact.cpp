@@ -300,7 +300,8 @@ void PairBlastContact::find_contacts(int first, int end, bool keeps, ThreadShare
 void PairBlastContact::finish(const ThreadShare &share)
 {
   if (share.coincident_i >= 0) stop_at_coincidence(share.coincident_i, share.coincident_j);
-  for (const Reaction &reaction : share.reactions) push(reaction.j, reaction.force, reaction.torque);
+  for (const Reaction &reaction : share.reactions)
+    push(reaction.j, reaction.force, reaction.torque);
   for (const BondChange &change : share.bond_changes) {
     if (change.forms)
       bonds->form(change.j, change.partner);

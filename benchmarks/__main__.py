@@ -12,9 +12,11 @@ from benchmarks import machine
 from benchmarks.analyses import analysis_rows
 from benchmarks.contact import contact_rows
 from benchmarks.contact_ledger import ledger_rows
+from benchmarks.contact_scale import scale_rows
 from benchmarks.near_field import near_field_rows
 from benchmarks.near_field_tree import tree_rows
 from benchmarks.results import Row
+from benchmarks.scaling import scaling_rows
 from benchmarks.step_loop import step_rows
 from benchmarks.table import print_table, write_json
 from benchmarks.trajectory import trajectory_rows
@@ -23,6 +25,8 @@ from benchmarks.whole_command import command_rows
 GROUPS = {
     "steps": step_rows,
     "contact": contact_rows,
+    "contact-scale": scale_rows,
+    "scaling": scaling_rows,
     "near-field": near_field_rows,
     "tree": tree_rows,
     "ledger": ledger_rows,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,41 +44,71 @@ class LammpsLoop:
 
     def __call__(self) -> float:
         """Return ns per step and part."""
-        with tempfile.TemporaryDirectory() as folder, self._started(folder) as lammps:
+        with tempfile.TemporaryDirectory() as folder:
             log = Path(folder, "log.lammps")
-            lammps.commands_string(
-                f"run {self.warm_up_steps} post no\nlog {log}\nrun {self.steps} pre no\nlog none"
-            )
-            parts = self.parts or len(self.particles)
-            return 1e9 * _loop_seconds(log) / (parts * self.steps)
+            with self._running(folder, lambda data: self.deck(data, log)):
+                return self.nanoseconds(log.read_text())
 
     def forces(self) -> np.ndarray:
         """Return the forces at the start, shape (N, 3), N, in the order of the particles."""
-        with tempfile.TemporaryDirectory() as folder, self._started(folder) as lammps:
-            lammps.commands_string("run 0 post no")
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            self._running(folder, lambda data: f"{self._start(data)}\nrun 0 post no") as lammps,
+        ):
             order = np.argsort(lammps.numpy.extract_atom("id")[: len(self.particles)])
             return lammps.numpy.extract_atom("f")[: len(self.particles)][order]
 
+    def nanoseconds(self, log: str) -> float:
+        """Return ns per step and part by what LAMMPS logged of the steps that count.
+
+        Raises
+        ------
+        RuntimeError
+            If LAMMPS did not get so far.
+        """
+        parts = self.parts or len(self.particles)
+        return 1e9 * loop_seconds(log) / (parts * self.steps)
+
+    def deck(self, data: Path, log: Path) -> str:
+        """Return the commands, which read the particles from `data` and time the steps in `log`."""
+        return f"""\
+{self._start(data)}
+run {self.warm_up_steps} post no
+log {log}
+run {self.steps} pre no
+log none
+"""
+
+    def _start(self, data: Path) -> str:
+        return f"""\
+variable step index {self.step!r}
+{system_commands(self.particles, str(data), self.case)}
+{self.commands}
+thermo 0
+"""
+
     @contextmanager
-    def _started(self, folder: str) -> Iterator[Any]:
-        """Give a LAMMPS that is ready to run."""
+    def _running(self, folder: str, deck: Callable[[Path], str]) -> Iterator[Any]:
+        """Give a LAMMPS that has obeyed a deck, made for a data file."""
         data = Path(folder, "particles.data")
         write_particle_data(self.particles, data)
         lammps = start_lammps(log="none")
         try:
-            lammps.commands_string(
-                f"variable step index {self.step!r}\n"
-                f"{system_commands(self.particles, str(data), self.case)}\n"
-                f"{self.commands}\n"
-                "thermo 0"
-            )
+            lammps.commands_string(deck(data))
             yield lammps
         finally:
             lammps.close()
 
 
-def _loop_seconds(log: Path) -> float:
-    loop = re.search(r"Loop time of (\S+) on 1 procs", log.read_text())
-    if loop is None:
-        raise RuntimeError(f"LAMMPS did not say how long its loop took: {log.read_text()}")
-    return float(loop.group(1))
+def loop_seconds(log: str) -> float:
+    """Return how long the last run in a log of LAMMPS or LIGGGHTS took, s.
+
+    Raises
+    ------
+    RuntimeError
+        If no run ended.
+    """
+    loops = re.findall(r"Loop time of (\S+) on \d+ procs", log)
+    if not loops:
+        raise RuntimeError(f"the log does not say how long its loop took: {log}")
+    return float(loops[-1])

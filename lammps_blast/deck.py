@@ -95,6 +95,10 @@ FIRST_STEP_NUMBER = 3
 CONSTANT_COLUMNS = "type mass radius q"
 STATE_COLUMNS = "x y z vx vy vz omegax omegay omegaz"
 NO_GHOSTS = "atom_modify sort 0 0.0\ncomm_modify cutoff 1.0e-9"
+# LAMMPS's time steps between two looks at how evenly ranks share particles that touch, and how many
+# times the mean the fullest one may have.
+BALANCE_EVERY = 1000
+UNEVENNESS = 1.1
 # LAMMPS's time steps between two looks for numbers gone wild, and the part of the largest kinetic
 # energy that may come from nothing before a run is stopped.
 WATCH_EVERY = 10
@@ -184,6 +188,7 @@ def deck_text(case: Case, particles: Particles) -> str:
         _ghosts_no_more(case),
         _forces_and_integration(case),
         _launch(case),
+        _balance(case),
         _ledger(case),
         _watch(case, particles),
         _output(case),
@@ -399,6 +404,22 @@ def _external_fields(case: Case) -> str:
 
 def _launch(case: Case) -> str:
     return f"blast_pulse all ${{energy}} seed {case.seed}\n" if case.blast else ""
+
+
+def _balance(case: Case) -> str:
+    """Return the commands that share the cloud out evenly, where there are ranks to share it.
+
+    Not with stock contacts: their histories do not travel between the boxes of such a partition.
+    """
+    is_stock = case.contact is not None and case.contact.is_stock
+    if is_stock or not _needs_ghosts(case) or _adapts(case):
+        return ""
+    return f"""\
+# A cloud fills the middle of its box and not the corners: ranks get boxes that hold equal numbers.
+if "$(extract_setting(world_size)) > 1" then &
+  "comm_style tiled" &
+  "fix share all balance {BALANCE_EVERY} {number(UNEVENNESS)} rcb"
+"""
 
 
 def _ledger(case: Case) -> str:

@@ -37,7 +37,7 @@ void ComputeBlastContactLocal::init()
 void ComputeBlastContactLocal::compute_local()
 {
   invoked_local = update->ntimestep;
-  const auto &contacts = pair->kept_contacts();
+  const ContactParts &contacts = pair->kept_contacts();
   const tagint *tag = atom->tag;
   const int *mask = atom->mask;
   // A contact across a boundary is known to both ranks: the one with the lower id reports it.
@@ -46,15 +46,16 @@ void ComputeBlastContactLocal::compute_local()
            (contact.j < atom->nlocal || tag[contact.i] < tag[contact.j]);
   };
 
-  const int count = static_cast<int>(std::count_if(contacts.begin(), contacts.end(), is_reported));
+  int count = 0;
+  for (const auto &part : contacts)
+    count += static_cast<int>(std::count_if(part.begin(), part.end(), is_reported));
   if (count > rows) {
     rows = count;
     memory->destroy(array_local);
     memory->create(array_local, rows, COLUMNS, "blast/contact/local:array");
   }
   size_local_rows = 0;
-  for (const Contact &contact : contacts) {
-    if (!is_reported(contact)) continue;
+  const auto report = [&](const Contact &contact) {
     const double row[COLUMNS] = {static_cast<double>(tag[contact.i]),
                                  static_cast<double>(tag[contact.j]),
                                  contact.strain,
@@ -64,7 +65,10 @@ void ComputeBlastContactLocal::compute_local()
                                  contact.bond,
                                  contact.bond_friction};
     std::copy(row, row + COLUMNS, array_local[size_local_rows++]);
-  }
+  };
+  for (const auto &part : contacts)
+    for (const Contact &contact : part)
+      if (is_reported(contact)) report(contact);
 }
 
 double ComputeBlastContactLocal::memory_usage()

@@ -13,6 +13,11 @@ namespace LAMMPS_NS {
 template <int CHANNELS> struct EnergyTally {
   double energy[CHANNELS] = {}; // this rank's share, J
 
+  void add(const EnergyTally &other)
+  {
+    for (int channel = 0; channel < CHANNELS; channel++) energy[channel] += other.energy[channel];
+  }
+
   double total(int channel, MPI_Comm world) const
   {
     double sum = 0.0;

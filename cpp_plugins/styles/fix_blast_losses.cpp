@@ -1,6 +1,7 @@
 #include "fix_blast_losses.h"
 
 #include "sphere.h"
+#include "threads.h"
 
 #include "atom.h"
 #include "error.h"
@@ -181,12 +182,13 @@ void FixBlastLosses::count_formation()
 template <class Motion> void FixBlastLosses::count_new_bonds(double length, const Motion &motion)
 {
   if (!pair) return;
-  for (const Contact &contact : pair->kept_contacts()) {
-    if (!contact.has_just_bonded) continue;
-    double along = dot(motion.velocity(contact.i), contact.normal);
-    if (contact.j < atom->nlocal) along -= dot(motion.velocity(contact.j), contact.normal);
-    tally.energy[BOND_FORMATION] -= length * contact.bond * along;
-  }
+  for (const auto &part : pair->kept_contacts())
+    for (const Contact &contact : part) {
+      if (!contact.has_just_bonded) continue;
+      double along = dot(motion.velocity(contact.i), contact.normal);
+      if (contact.j < atom->nlocal) along -= dot(motion.velocity(contact.j), contact.normal);
+      tally.energy[BOND_FORMATION] -= length * contact.bond * along;
+    }
 }
 
 void FixBlastLosses::post_run()
@@ -225,9 +227,22 @@ void FixBlastLosses::count(const Kick &kick, Tally &total) const
 }
 
 template <class Motion>
-void FixBlastLosses::count_contacts(const Contacts &contacts, double length, const Motion &motion,
-                                    Tally &total) const
+void FixBlastLosses::count_contacts(const ContactParts &contacts, double length,
+                                    const Motion &motion, Tally &total) const
 {
+  const int parts = static_cast<int>(contacts.size());
+  std::vector<Tally> counted(parts);
+  in_threads(parts, parts, [&](int part, int /*first*/, int /*end*/) {
+    counted[part] = counted_contacts(contacts[part], length, motion);
+  });
+  for (const Tally &part : counted) total.add(part);
+}
+
+template <class Motion>
+FixBlastLosses::Tally FixBlastLosses::counted_contacts(const std::vector<Contact> &contacts,
+                                                       double length, const Motion &motion) const
+{
+  Tally total;
   for (const Contact &contact : contacts) {
     if (contact.damping == 0.0 && contact.friction == 0.0 && contact.bond_friction == 0.0) continue;
     // How fast the two follow a unit force along the normal, and one along the tangent.
@@ -245,6 +260,7 @@ void FixBlastLosses::count_contacts(const Contacts &contacts, double length, con
     total.energy[FRICTION] -= length * contact.friction * across;
     total.energy[BOND_FRICTION] -= length * contact.bond_friction * across;
   }
+  return total;
 }
 
 template <class Motion>
@@ -268,8 +284,9 @@ double FixBlastLosses::memory_usage()
   const size_t vectors = pair_forces.force.capacity() + pair_forces.torque.capacity() +
                          pair_forces_at_beginning.force.capacity() +
                          pair_forces_at_beginning.torque.capacity();
-  return static_cast<double>(vectors * sizeof(Vector3) +
-                             contacts_at_beginning.capacity() * sizeof(Contact));
+  size_t contacts = 0;
+  for (const auto &part : contacts_at_beginning) contacts += part.capacity();
+  return static_cast<double>(vectors * sizeof(Vector3) + contacts * sizeof(Contact));
 }
 
 void FixBlastLosses::write_restart(FILE *fp)

@@ -43,8 +43,6 @@ private:
 
   using Tally = EnergyTally<CHANNELS>;
 
-  using Contacts = std::vector<Contact>;
-
   // Of all pair styles together, by local index.
   struct PairForces {
     std::vector<blast::Vector3> force, torque;
@@ -60,7 +58,9 @@ private:
 
   void count(const Kick &, Tally &) const;
   template <class Motion>
-  void count_contacts(const Contacts &, double length, const Motion &, Tally &) const;
+  void count_contacts(const ContactParts &, double length, const Motion &, Tally &) const;
+  template <class Motion>
+  Tally counted_contacts(const std::vector<Contact> &, double length, const Motion &) const;
   template <class Motion>
   void count_pair_forces(const PairForces &, double length, const Motion &, Tally &) const;
   template <class Motion> void count_new_bonds(double length, const Motion &);
@@ -78,7 +78,7 @@ private:
   Tally tally;
   PairForces pair_forces; // of the last evaluation
   PairForces pair_forces_at_beginning;
-  Contacts contacts_at_beginning;
+  ContactParts contacts_at_beginning;
 };
 
 } // namespace LAMMPS_NS

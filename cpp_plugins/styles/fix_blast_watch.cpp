@@ -4,8 +4,10 @@
 #include "pair_blast_contact.h"
 #include "simulated_time.h"
 #include "style_arguments.h"
+#include "threads.h"
 
 #include "atom.h"
+#include "comm.h"
 #include "error.h"
 #include "force.h"
 #include "input.h"
@@ -111,13 +113,21 @@ void FixBlastWatch::post_integrate()
 
 bool FixBlastWatch::all_move_well() const
 {
-  const int nlocal = atom->nlocal;
-  if (nlocal == 0) return true;
+  std::vector<char> well(comm->nthreads);
+  in_threads(comm->nthreads, atom->nlocal, [this, &well](int thread, int first, int end) {
+    well[thread] = move_well(first, end) ? 1 : 0;
+  });
+  return std::all_of(well.begin(), well.end(), [](char is_well) { return is_well; });
+}
+
+bool FixBlastWatch::move_well(int first, int end) const
+{
+  if (first == end) return true;
   const double *x = atom->x[0], *v = atom->v[0], *radius = atom->radius;
   // What is no number makes this sum one that is none.
   double nothing = 0.0;
 #pragma omp simd reduction(+ : nothing)
-  for (int k = 0; k < 3 * nlocal; k++) nothing += 0.0 * (x[k] + v[k]);
+  for (int k = 3 * first; k < 3 * end; k++) nothing += 0.0 * (x[k] + v[k]);
   if (nothing != 0.0) return false;
   if (!particles_touch) return true;
 
@@ -125,7 +135,7 @@ bool FixBlastWatch::all_move_well() const
   const Vector3 all = drift;
   int far = 0;
 #pragma omp simd reduction(+ : far)
-  for (int i = 0; i < nlocal; i++) far += is_beyond(radius[i], step, v + 3 * i, all);
+  for (int i = first; i < end; i++) far += is_beyond(radius[i], step, v + 3 * i, all);
   return far == 0;
 }
 

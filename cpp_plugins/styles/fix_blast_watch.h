@@ -26,6 +26,7 @@ public:
 private:
   void measure_drift();
   bool all_move_well() const;
+  bool move_well(int first, int end) const;
   [[noreturn]] void stop_at_motion(int i) const;
   [[noreturn]] void stop_at_no_number(int i) const;
   void check_forces() const;

@@ -1,6 +1,9 @@
 #include "fix_nve_sphere_lorentz.h"
 
+#include "threads.h"
+
 #include "atom.h"
+#include "comm.h"
 #include "error.h"
 #include "modify.h"
 #include "update.h"
@@ -48,31 +51,45 @@ void FixNVESphereLorentz::init()
 void FixNVESphereLorentz::initial_integrate(int /*vflag*/)
 {
   const double step = update->dt;
-  for_each_block([this, step](const ParticleBlock &block) {
+  shares.resize(comm->nthreads);
+  for (ThreadShare &share : shares) share.work = DriftWork();
+  for_each_block([this, step](const ParticleBlock &block, int thread) {
+    ThreadShare &share = shares[thread];
     kick(block, 0.5 * step);
-    const DriftWork work = drift(block, fields, gyrations, step);
-    tally.energy[DRAG_WORK] += work.drag;
-    tally.energy[MAGNETIC_WORK] += work.magnetic;
+    const DriftWork work = drift(block, fields, share.gyrations, step);
+    share.work.drag += work.drag;
+    share.work.magnetic += work.magnetic;
   });
+  for (const ThreadShare &share : shares) {
+    tally.energy[DRAG_WORK] += share.work.drag;
+    tally.energy[MAGNETIC_WORK] += share.work.magnetic;
+  }
 }
 
 void FixNVESphereLorentz::final_integrate()
 {
   const double step = update->dt;
-  for_each_block([step](const ParticleBlock &block) { kick(block, 0.5 * step); });
+  for_each_block([step](const ParticleBlock &block, int /*thread*/) { kick(block, 0.5 * step); });
 }
 
-// Cuts the particles of the group into blocks and hands them on one by one.
-template <class Action> void FixNVESphereLorentz::for_each_block(Action action)
+// Cuts the particles of the group into blocks and hands them on, each thread one after another.
+// Blocks begin anew at the same particles whatever the number of threads.
+template <class Action> void FixNVESphereLorentz::for_each_block(const Action &action)
 {
+  constexpr int CAPACITY = ParticleBlock::CAPACITY;
   const int nlocal = atom->nlocal, *mask = atom->mask;
-  for (int first = 0; first < nlocal;) {
-    const int limit = std::min(first + ParticleBlock::CAPACITY, nlocal);
-    int end = first;
-    while (end < limit && (mask[end] & groupbit)) end++;
-    if (end > first) action(ParticleBlock(*atom, first, end - first));
-    first = std::max(end, first + 1);
-  }
+  const auto act = [&](int thread, int first_stretch, int end_stretch) {
+    for (int stretch = first_stretch; stretch < end_stretch; stretch++) {
+      const int limit = std::min((stretch + 1) * CAPACITY, nlocal);
+      for (int first = stretch * CAPACITY; first < limit;) {
+        int end = first;
+        while (end < limit && (mask[end] & groupbit)) end++;
+        if (end > first) action(ParticleBlock(*atom, first, end - first), thread);
+        first = std::max(end, first + 1);
+      }
+    }
+  };
+  in_threads(comm->nthreads, (nlocal + CAPACITY - 1) / CAPACITY, act);
 }
 
 double FixNVESphereLorentz::compute_vector(int channel)

@@ -9,6 +9,8 @@
 #include "fix.h"
 #include "particle_block.h"
 
+#include <vector>
+
 namespace LAMMPS_NS {
 
 class FixNVESphereLorentz : public Fix {
@@ -24,11 +26,17 @@ public:
   void restart(char *) override;
 
 private:
-  template <class Action> void for_each_block(Action action);
+  // One thread's.
+  struct ThreadShare {
+    BlockGyrations gyrations;
+    DriftWork work; // of the present step
+  };
+
+  template <class Action> void for_each_block(const Action &action);
 
   ExternalFields fields;
   FieldWorkTally tally;
-  BlockGyrations gyrations;
+  std::vector<ThreadShare> shares;
 };
 
 } // namespace LAMMPS_NS

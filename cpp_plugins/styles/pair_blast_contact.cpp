@@ -5,6 +5,7 @@
 #include "fix_blast_bonds.h"
 #include "simulated_time.h"
 #include "style_arguments.h"
+#include "threads.h"
 
 #include "atom.h"
 #include "comm.h"
@@ -21,6 +22,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 using namespace LAMMPS_NS;
 using blast::Vector3;
@@ -227,18 +229,44 @@ void PairBlastContact::compute(int eflag, int vflag)
 {
   ev_init(eflag, vflag);
   std::fill(pvector, pvector + EXTRAS, 0.0);
-  contacts.clear();
   deepest = DeepestContact();
 
   // A pair may part unseen between two builds of the list; a new one holds all that touch.
   const bool reviews_bonds = bonds && neighbor->ago == 0 && !is_trial;
   if (reviews_bonds) bonds->begin_review();
 
+  const int threads = comm->nthreads;
+  const bool keeps = keeps_contacts || evflag;
+  shares.resize(threads);
+  contacts.resize(threads);
+  in_threads(threads, list->inum, [this, keeps](int thread, int first, int end) {
+    // Its own, while it is at work: threads slow each other down where their memory adjoins.
+    ThreadShare share = std::move(shares[thread]);
+    std::vector<Contact> found = std::move(contacts[thread]);
+    find_contacts(first, end, keeps, share, found);
+    shares[thread] = std::move(share);
+    contacts[thread] = std::move(found);
+  });
+  for (const ThreadShare &share : shares) finish(share);
+  if (evflag)
+    for (const auto &part : contacts)
+      for (const Contact &contact : part)
+        tally(contact, law(atom->type[contact.i], atom->type[contact.j]));
+  if (reviews_bonds) bonds->end_review();
+}
+
+// All contacts of a run of particles in the list, which LAMMPS makes in the order of their indices.
+void PairBlastContact::find_contacts(int first, int end, bool keeps, ThreadShare &share,
+                                     std::vector<Contact> &found)
+{
+  found.clear();
+  share.begin(first < end ? list->ilist[first] : 0, first < end ? list->ilist[end - 1] + 1 : 0);
+
   double **x = atom->x;
   const double *radius = atom->radius;
   const int *type = atom->type;
 
-  for (int ii = 0; ii < list->inum; ii++) {
+  for (int ii = first; ii < end; ii++) {
     const int i = list->ilist[ii], count = list->numneigh[i];
     if (count == 0) continue;
     const Vector3 position(x[i]);
@@ -251,23 +279,41 @@ void PairBlastContact::compute(int eflag, int vflag)
       const Vector3 offset = Vector3(x[j]) - position;
       const double square = dot(offset, offset), reach = radius_i + radius[j];
       if (square > reach * reach) {
-        if (may_part) separate(i, j);
+        if (may_part) separate(i, j, share);
         continue;
       }
-      if (square == 0.0) stop_at_coincidence(i, j);
+      if (square == 0.0) {
+        share.coincident_i = i;
+        share.coincident_j = j;
+        return;
+      }
       const ContactLaw &between = laws_of_i[type[j]];
-      const Contact contact = contact_between(i, j, offset, std::sqrt(square), between);
-      add_forces(contact);
-      if (evflag) tally(contact, between);
-      if (keeps_contacts) contacts.push_back(contact);
-      note_depth(contact);
+      const Contact contact = contact_between(i, j, offset, std::sqrt(square), between, share);
+      add_forces(contact, share);
+      if (keeps) found.push_back(contact);
+      note_depth(contact, share.deepest);
     }
   }
-  if (reviews_bonds) bonds->end_review();
+}
+
+// What a thread left to be done when all have looked at their pairs.
+void PairBlastContact::finish(const ThreadShare &share)
+{
+  if (share.coincident_i >= 0) stop_at_coincidence(share.coincident_i, share.coincident_j);
+  for (const Reaction &reaction : share.reactions)
+    push(reaction.j, reaction.force, reaction.torque);
+  for (const BondChange &change : share.bond_changes) {
+    if (change.forms)
+      bonds->form(change.j, change.partner);
+    else
+      bonds->forget(change.j, change.partner);
+  }
+  formation_heat += share.formation_heat;
+  if (share.deepest.surpasses(deepest)) deepest = share.deepest;
 }
 
 Contact PairBlastContact::contact_between(int i, int j, const Vector3 &offset, double distance,
-                                          const ContactLaw &law)
+                                          const ContactLaw &law, ThreadShare &share)
 {
   const double radius_i = atom->radius[i], radius_j = atom->radius[j];
   Contact contact;
@@ -278,7 +324,7 @@ Contact PairBlastContact::contact_between(int i, int j, const Vector3 &offset, d
   contact.strain = std::max(0.0, blast::contact_strain(distance, radius_i, radius_j));
   contact.area = std::max(0.0, blast::lens_area(distance, radius_i, radius_j));
   contact.elastic = normal_force(law.stiffness, law.exponent, contact.strain, contact.area);
-  if (law.bond.acts()) decide_bond(contact, law);
+  if (law.bond.acts()) decide_bond(contact, law, share);
   if (contact.bonded) contact.bond = bond_force(law.bond, contact.strain, contact.area);
   if (!law.needs_velocities()) return contact;
 
@@ -306,7 +352,7 @@ Contact PairBlastContact::contact_between(int i, int j, const Vector3 &offset, d
 }
 
 // Settles whether a contact is bonded, and remembers it where bonds last.
-void PairBlastContact::decide_bond(Contact &contact, const ContactLaw &law)
+void PairBlastContact::decide_bond(Contact &contact, const ContactLaw &law, ThreadShare &own)
 {
   const tagint *tag = atom->tag;
   const int i = contact.i, j = contact.j;
@@ -316,37 +362,52 @@ void PairBlastContact::decide_bond(Contact &contact, const ContactLaw &law)
   contact.has_just_bonded = !was_bonded;
   if (is_trial) return;
   bonds->form(i, tag[j]);
-  if (j < atom->nlocal) bonds->form(j, tag[i]);
-  if (!was_bonded) formation_heat -= share(contact) * bond_energy(contact, law);
+  if (own.owns(j))
+    bonds->form(j, tag[i]);
+  else if (j < atom->nlocal)
+    own.bond_changes.push_back({j, tag[i], true});
+  if (!was_bonded) own.formation_heat -= share(contact) * bond_energy(contact, law);
 }
 
-void PairBlastContact::separate(int i, int j)
+void PairBlastContact::separate(int i, int j, ThreadShare &own)
 {
   const tagint *tag = atom->tag;
   bonds->forget(i, tag[j]);
-  if (j < atom->nlocal) bonds->forget(j, tag[i]);
+  if (own.owns(j))
+    bonds->forget(j, tag[i]);
+  else if (j < atom->nlocal)
+    own.bond_changes.push_back({j, tag[i], false});
 }
 
-void PairBlastContact::add_forces(const Contact &contact)
+void PairBlastContact::add_forces(const Contact &contact, ThreadShare &own)
 {
-  const int i = contact.i, j = contact.j;
-  const bool owns_j = j < atom->nlocal;
+  const int j = contact.j;
   const Vector3 force = contact.force_on_i();
-  (Vector3(atom->f[i]) + force).store(atom->f[i]);
-  if (owns_j) (Vector3(atom->f[j]) - force).store(atom->f[j]);
-  if (!rotation) return;
-
-  const Vector3 turning = cross(contact.normal, contact.tangential_force_on_i());
-  (Vector3(atom->torque[i]) + contact.arm_i * turning).store(atom->torque[i]);
-  if (owns_j) (Vector3(atom->torque[j]) + contact.arm_j * turning).store(atom->torque[j]);
+  const Vector3 turning =
+      rotation ? cross(contact.normal, contact.tangential_force_on_i()) : Vector3();
+  push(contact.i, force, contact.arm_i * turning);
+  if (own.owns(j))
+    push(j, -1.0 * force, contact.arm_j * turning);
+  else if (j < atom->nlocal)
+    own.reactions.push_back({j, -1.0 * force, contact.arm_j * turning});
 }
 
-void PairBlastContact::note_depth(const Contact &contact)
+void PairBlastContact::push(int particle, const Vector3 &force, const Vector3 &torque)
 {
-  const bool swallowed =
+  (Vector3(atom->f[particle]) + force).store(atom->f[particle]);
+  if (rotation) (Vector3(atom->torque[particle]) + torque).store(atom->torque[particle]);
+}
+
+void PairBlastContact::note_depth(const Contact &contact, DeepestContact &deepest_yet) const
+{
+  DeepestContact present;
+  present.strain = contact.strain;
+  present.swallowed =
       blast::is_swallowed(contact.distance, atom->radius[contact.i], atom->radius[contact.j]);
-  if (deepest.swallowed ? !swallowed : !swallowed && contact.strain <= deepest.strain) return;
-  deepest = {contact.strain, atom->tag[contact.i], atom->tag[contact.j], swallowed};
+  if (!present.surpasses(deepest_yet)) return;
+  present.first = atom->tag[contact.i];
+  present.second = atom->tag[contact.j];
+  deepest_yet = present;
 }
 
 double PairBlastContact::share(const Contact &contact) const
@@ -483,5 +544,10 @@ void PairBlastContact::read_restart(FILE *fp)
 
 double PairBlastContact::memory_usage()
 {
-  return Pair::memory_usage() + static_cast<double>(contacts.capacity() * sizeof(Contact));
+  double bytes = Pair::memory_usage();
+  for (const auto &part : contacts) bytes += static_cast<double>(part.capacity() * sizeof(Contact));
+  for (const ThreadShare &share : shares)
+    bytes += static_cast<double>(share.reactions.capacity() * sizeof(Reaction) +
+                                 share.bond_changes.capacity() * sizeof(BondChange));
+  return bytes;
 }

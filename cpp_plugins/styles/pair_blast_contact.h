@@ -1,7 +1,9 @@
 // pair_style blast/contact: elastic contact, dissipation, friction and bonds between spheres.
 //
 // Every rank works out all contacts of its own particles, those with ghosts too, whether newton is
-// on or off: a contact across a boundary is computed twice, and nothing has to travel back.
+// on or off: a contact across a boundary is computed twice, and nothing has to travel back. Threads
+// share the list of pairs: each changes its own particles only, and leaves what its pairs do to
+// those of other threads until all are done.
 
 #ifndef BLAST_STYLES_PAIR_BLAST_CONTACT_H
 #define BLAST_STYLES_PAIR_BLAST_CONTACT_H
@@ -52,6 +54,9 @@ struct Contact {
   }
 };
 
+// Contacts in the order of the list of pairs, cut where threads share it.
+using ContactParts = std::vector<std::vector<Contact>>;
+
 class PairBlastContact : public Pair {
 public:
   enum Extra { CONTACT_ENERGY, BOND_ENERGY, CONTACTS, BONDS, EXTRAS };
@@ -73,7 +78,7 @@ public:
 
   // From now on the contacts of every force computation stay at hand until the next.
   void keep_contacts() { keeps_contacts = true; }
-  const std::vector<Contact> &kept_contacts() const { return contacts; }
+  const ContactParts &kept_contacts() const { return contacts; }
 
   // While an integrator only tries positions, bonds act as they would there, but stay as they are.
   void set_trial(bool is_trial_) { is_trial = is_trial_; }
@@ -87,22 +92,63 @@ public:
     double strain = 0.0;
     tagint first = 0, second = 0;
     bool swallowed = false;
+
+    bool surpasses(const DeepestContact &other) const
+    {
+      return swallowed || (!other.swallowed && strain > other.strain);
+    }
   };
   const DeepestContact &deepest_contact() const { return deepest; }
 
   double formation_heat = 0.0; // set free by bonds that formed, this rank's share, J
 
 private:
+  // What a contact does to the particle j of another thread.
+  struct Reaction {
+    int j;
+    blast::Vector3 force, torque;
+  };
+  struct BondChange {
+    int j;
+    tagint partner;
+    bool forms; // else it parts
+  };
+
+  // What one thread finds among its pairs.
+  struct ThreadShare {
+    int first = 0, end = 0; // local indices of its own particles
+    DeepestContact deepest;
+    double formation_heat = 0.0;
+    int coincident_i = -1, coincident_j = -1;
+    std::vector<Reaction> reactions;
+    std::vector<BondChange> bond_changes;
+
+    void begin(int first_, int end_)
+    {
+      first = first_;
+      end = end_;
+      deepest = DeepestContact();
+      formation_heat = 0.0;
+      coincident_i = coincident_j = -1;
+      reactions.clear();
+      bond_changes.clear();
+    }
+    bool owns(int j) const { return first <= j && j < end; }
+  };
+
   void allocate();
   ContactLaw &law(int itype, int jtype) { return laws[itype * (types + 1) + jtype]; }
   ContactLaw law_of_words(int narg, char **arg);
   ContactLaw mixed(int itype, int jtype);
+  void find_contacts(int first, int end, bool keeps, ThreadShare &, std::vector<Contact> &found);
   Contact contact_between(int i, int j, const blast::Vector3 &offset, double distance,
-                          const ContactLaw &);
-  void decide_bond(Contact &, const ContactLaw &);
-  void separate(int i, int j);
-  void add_forces(const Contact &);
-  void note_depth(const Contact &);
+                          const ContactLaw &, ThreadShare &);
+  void decide_bond(Contact &, const ContactLaw &, ThreadShare &);
+  void separate(int i, int j, ThreadShare &);
+  void add_forces(const Contact &, ThreadShare &);
+  void push(int particle, const blast::Vector3 &force, const blast::Vector3 &torque);
+  void note_depth(const Contact &, DeepestContact &) const;
+  void finish(const ThreadShare &);
   void tally(const Contact &, const ContactLaw &);
   double contact_energy(const Contact &, const ContactLaw &) const;
   double bond_energy(const Contact &, const ContactLaw &) const;
@@ -114,7 +160,8 @@ private:
   int types = 0;
   std::vector<ContactLaw> laws;
   std::vector<double> largest_radius; // by type
-  std::vector<Contact> contacts;
+  ContactParts contacts;
+  std::vector<ThreadShare> shares;
   DeepestContact deepest;
   FixBlastBonds *bonds = nullptr;
 };

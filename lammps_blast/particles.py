@@ -416,8 +416,17 @@ def _apart_from(placed: FloatArray, candidates: FloatArray, exclusion: float) ->
     """Tell which candidates keep the exclusion distance from all placed centres."""
     if not len(placed) or not len(candidates):
         return np.ones(len(candidates), dtype=bool)
-    distance, _ = cKDTree(placed).query(candidates, distance_upper_bound=exclusion)
-    return np.isinf(distance)
+    # Neighbours one after the other find their part of the tree in the processor's cache.
+    order = _tree(candidates).indices
+    distance, _ = _tree(placed).query(candidates[order], distance_upper_bound=exclusion)
+    apart = np.empty(len(candidates), dtype=bool)
+    apart[order] = np.isinf(distance)
+    return apart
+
+
+def _tree(points: FloatArray) -> cKDTree:
+    """Return a k-d tree that is halved in space: for points this even, it is the quickest."""
+    return cKDTree(points, balanced_tree=False, compact_nodes=False)
 
 
 def _apart_in_order(candidates: FloatArray, exclusion: float) -> NDArray[np.bool_]:

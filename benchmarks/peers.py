@@ -1,16 +1,24 @@
-"""The same work by others: explicit Euler steps in numpy, and the Boris push of PlasmaPy."""
+"""The same work by others: Euler steps in numpy, PlasmaPy's Boris push, pair sums in numba."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from benchmarks.section_6 import MAGNETIC, MEDIUM_DENSITY, PULSE_ENERGY, STEP, VISCOSITY
 from lammps_blast import theory
+from lammps_blast.interactions import NearFieldLaw
 from lammps_blast.particles import Particles
+
+try:
+    import numba
+    from numba import prange
+except ImportError:
+    numba = None
 
 STEPS = 500  # the peers take the same time every step: a few hundred tell it
 WARM_UP_STEPS = 20
@@ -172,3 +180,99 @@ def plasmapy_boris(particles: Particles) -> StepTimer | None:
     except ImportError:
         return None
     return StepTimer(lambda: BorisPush(particles).step, len(particles))
+
+
+@dataclass(frozen=True)
+class NumbaAllPairs:
+    """Near-field forces (eq. 7.23, exponents 1 and 2, scaled by mass) by compiled plain loops.
+
+    Attributes
+    ----------
+    force
+        Compiled `pair_sum` or, on several threads, `row_sums`.
+    """
+
+    force: Callable[..., Any]
+    particles: Particles
+    law: NearFieldLaw
+    evaluations: int = 10
+
+    def forces(self) -> theory.Floats:
+        """Forces in N, (N, 3)."""
+        particles = self.particles
+        forces = np.zeros_like(particles.position)
+        strengths = self.law.attraction, self.law.repulsion
+        self.force(particles.position, particles.mass, *strengths, forces)
+        return forces
+
+    def __call__(self) -> float:
+        """Return ns a pair; compiling, and a first call, do not count."""
+        self.forces()
+        started = time.perf_counter()
+        for _ in range(self.evaluations):
+            self.forces()
+        count = len(self.particles)
+        pairs = count * (count - 1) // 2
+        return 1e9 * (time.perf_counter() - started) / (pairs * self.evaluations)
+
+
+def pair_sum(position, mass, attraction, repulsion, forces):  # numba infers its types
+    """Add forces pair by pair, each pair once."""
+    for i in range(len(mass)):
+        x, y, z, fx, fy, fz = position[i, 0], position[i, 1], position[i, 2], 0.0, 0.0, 0.0
+        for j in range(i + 1, len(mass)):
+            dx, dy, dz = position[j, 0] - x, position[j, 1] - y, position[j, 2] - z
+            inverse_square = 1.0 / (dx * dx + dy * dy + dz * dz)
+            # alpha_1 / d - alpha_2 / d^2, and 1 / d more for the unit vector
+            bare = attraction - repulsion * np.sqrt(inverse_square)
+            pull = mass[i] * mass[j] * bare * inverse_square
+            fx, fy, fz = fx + pull * dx, fy + pull * dy, fz + pull * dz
+            forces[j, 0] -= pull * dx
+            forces[j, 1] -= pull * dy
+            forces[j, 2] -= pull * dz
+        forces[i, 0] += fx
+        forces[i, 1] += fy
+        forces[i, 2] += fz
+
+
+def row_sums(position, mass, attraction, repulsion, forces):  # numba infers its types
+    """Set forces particle by particle, each pair twice, so that threads do not meet."""
+    for i in prange(len(mass)):
+        x, y, z, fx, fy, fz = position[i, 0], position[i, 1], position[i, 2], 0.0, 0.0, 0.0
+        for j in range(len(mass)):
+            dx, dy, dz = position[j, 0] - x, position[j, 1] - y, position[j, 2] - z
+            square = dx * dx + dy * dy + dz * dz
+            inverse_square = 1.0 / square if square > 0.0 else 0.0
+            bare = attraction - repulsion * np.sqrt(inverse_square)
+            pull = mass[i] * mass[j] * bare * inverse_square
+            fx, fy, fz = fx + pull * dx, fy + pull * dy, fz + pull * dz
+        forces[i, 0] = fx
+        forces[i, 1] = fy
+        forces[i, 2] = fz
+
+
+def numba_all_pairs(
+    particles: Particles, law: NearFieldLaw, *, threads: bool = False
+) -> NumbaAllPairs | None:
+    """Return the timer, in ns a pair, of numba's all-pairs loops; None without numba.
+
+    Parameters
+    ----------
+    particles
+        Their masses are the sources.
+    law
+        Its strengths are used; the exponents are 1 and 2, and there is no cutoff.
+    threads
+        Rather than once a pair on one core, twice a pair on as many as numba takes.
+
+    Raises
+    ------
+    ValueError
+        If the law has other exponents, or a cutoff.
+    """
+    if (law.attraction_exponent, law.repulsion_exponent, law.cutoff) != (1.0, 2.0, np.inf):
+        raise ValueError("numba's loops are written for the exponents 1 and 2, without a cutoff")
+    if numba is None:
+        return None
+    compiled = numba.njit(fastmath=True, parallel=threads)(row_sums if threads else pair_sum)
+    return NumbaAllPairs(compiled, particles, law)

@@ -116,6 +116,7 @@ def _import_ahead(figures: bool) -> None:
     """Import what is wanted after LAMMPS while it runs: that takes a second or more."""
     with contextlib.suppress(ImportError):  # it comes again, where it can be told
         import lammps_blast.analyze
+
         if figures:
             import lammps_blast.figures  # noqa: F401
 

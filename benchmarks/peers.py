@@ -199,11 +199,12 @@ class NumbaAllPairs:
 
     def forces(self) -> theory.Floats:
         """Forces in N, (N, 3)."""
-        particles = self.particles
-        forces = np.zeros_like(particles.position)
+        # A row a component, which the compiler can take several particles of at a time.
+        position = np.ascontiguousarray(self.particles.position.T)
+        forces = np.zeros_like(position)
         strengths = self.law.attraction, self.law.repulsion
-        self.force(particles.position, particles.mass, *strengths, forces)
-        return forces
+        self.force(*position, self.particles.mass, *strengths, *forces)
+        return forces.T
 
     def __call__(self) -> float:
         """Return ns a pair; compiling, and a first call, do not count."""
@@ -216,45 +217,44 @@ class NumbaAllPairs:
         return 1e9 * (time.perf_counter() - started) / (pairs * self.evaluations)
 
 
-def pair_sum(position, mass, attraction, repulsion, forces):  # numba infers its types
+def pair_sum(x, y, z, mass, attraction, repulsion, fx, fy, fz):  # numba infers the types
     """Add forces pair by pair, each pair once."""
     for i in range(len(mass)):
-        x, y, z, fx, fy, fz = position[i, 0], position[i, 1], position[i, 2], 0.0, 0.0, 0.0
+        own_x = own_y = own_z = 0.0
         for j in range(i + 1, len(mass)):
-            dx, dy, dz = position[j, 0] - x, position[j, 1] - y, position[j, 2] - z
+            dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
             inverse_square = 1.0 / (dx * dx + dy * dy + dz * dz)
             # alpha_1 / d - alpha_2 / d^2, and 1 / d more for the unit vector
             bare = attraction - repulsion * np.sqrt(inverse_square)
             pull = mass[i] * mass[j] * bare * inverse_square
-            fx, fy, fz = fx + pull * dx, fy + pull * dy, fz + pull * dz
-            forces[j, 0] -= pull * dx
-            forces[j, 1] -= pull * dy
-            forces[j, 2] -= pull * dz
-        forces[i, 0] += fx
-        forces[i, 1] += fy
-        forces[i, 2] += fz
+            own_x, own_y, own_z = own_x + pull * dx, own_y + pull * dy, own_z + pull * dz
+            fx[j] -= pull * dx
+            fy[j] -= pull * dy
+            fz[j] -= pull * dz
+        fx[i] += own_x
+        fy[i] += own_y
+        fz[i] += own_z
 
 
-def row_sums(position, mass, attraction, repulsion, forces):  # numba infers its types
+def row_sums(x, y, z, mass, attraction, repulsion, fx, fy, fz):  # numba infers the types
     """Set forces particle by particle, each pair twice, so that threads do not meet."""
     for i in prange(len(mass)):
-        x, y, z, fx, fy, fz = position[i, 0], position[i, 1], position[i, 2], 0.0, 0.0, 0.0
+        own_x = own_y = own_z = 0.0
         for j in range(len(mass)):
-            dx, dy, dz = position[j, 0] - x, position[j, 1] - y, position[j, 2] - z
+            dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
             square = dx * dx + dy * dy + dz * dz
             inverse_square = 1.0 / square if square > 0.0 else 0.0
             bare = attraction - repulsion * np.sqrt(inverse_square)
             pull = mass[i] * mass[j] * bare * inverse_square
-            fx, fy, fz = fx + pull * dx, fy + pull * dy, fz + pull * dz
-        forces[i, 0] = fx
-        forces[i, 1] = fy
-        forces[i, 2] = fz
+            own_x, own_y, own_z = own_x + pull * dx, own_y + pull * dy, own_z + pull * dz
+        fx[i], fy[i], fz[i] = own_x, own_y, own_z
 
 
-def numba_all_pairs(
-    particles: Particles, law: NearFieldLaw, *, threads: bool = False
-) -> NumbaAllPairs | None:
-    """Return the timer, in ns a pair, of numba's all-pairs loops; None without numba.
+PAIRS, ROWS, ROWS_ON_THREADS = "each pair once", "each pair twice", "each pair twice, threads"
+
+
+def numba_all_pairs(particles: Particles, law: NearFieldLaw, loop: str) -> NumbaAllPairs | None:
+    """Return the timer, in ns a pair, of numba's loops over all pairs; None without numba.
 
     Parameters
     ----------
@@ -262,8 +262,9 @@ def numba_all_pairs(
         Their masses are the sources.
     law
         Its strengths are used; the exponents are 1 and 2, and there is no cutoff.
-    threads
-        Rather than once a pair on one core, twice a pair on as many as numba takes.
+    loop
+        PAIRS or ROWS, on one core, or ROWS_ON_THREADS, on as many as numba takes. A row of pairs
+        writes to one particle only, so that the compiler can take several at a time.
 
     Raises
     ------
@@ -274,5 +275,6 @@ def numba_all_pairs(
         raise ValueError("numba's loops are written for the exponents 1 and 2, without a cutoff")
     if numba is None:
         return None
-    compiled = numba.njit(fastmath=True, parallel=threads)(row_sums if threads else pair_sum)
+    plain = pair_sum if loop == PAIRS else row_sums
+    compiled = numba.njit(fastmath=True, parallel=loop == ROWS_ON_THREADS)(plain)
     return NumbaAllPairs(compiled, particles, law)

@@ -189,7 +189,7 @@ class NumbaAllPairs:
     Attributes
     ----------
     force
-        Compiled `pair_sum` or, on several threads, `row_sums`.
+        Compiled `pair_sum` or `row_sums`.
     """
 
     force: Callable[..., Any]

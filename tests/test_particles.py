@@ -223,7 +223,8 @@ def check_evenness(centres: np.ndarray, radius: float) -> None:
     inner = 1 - 8 * radius  # the wall, which orders the spheres next to it, is far away
     interior = centres[distance <= inner]
     shells, _ = np.histogram((distance[distance <= inner] / inner) ** 3, bins=40, range=(0, 1))
-    assert stats.chisquare(shells).pvalue > 1e-3
+    octants = np.bincount((interior > 0) @ [1, 2, 4], minlength=8)
+    assert all(stats.chisquare(counts).pvalue > 1e-3 for counts in (shells, octants))
     cell = 2 * (1 - radius) / np.ceil((1 - radius) / radius)
     for period in (cell, cell / 2, 2 * radius):
         place, _ = np.histogram((interior + 1 - radius) / period % 1, bins=16, range=(0, 1))

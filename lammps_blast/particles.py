@@ -309,7 +309,13 @@ def _can_be_relaxed(count: int, asked: float) -> bool:
 
 
 def _add_sequentially(count: int, room: _Room, rng: np.random.Generator) -> FloatArray:
-    """Return `count` centres in the order of addition, fewer if no more find a place."""
+    """Return `count` centres in the order of addition, fewer if no more find a place.
+
+    A candidate is accepted if it keeps away from all that were accepted before it, in earlier
+    rounds and in its own, so that of the same stream of candidates one-at-a-time addition accepts
+    the same ones. A stream is uniform over a room that holds all free places; the accepted
+    candidate is then uniform over the free places, whatever the room, and however it was divided.
+    """
     placed = np.empty((0, 3))
     drawn = 0
     while len(placed) < count and len(room.corners):

@@ -114,6 +114,48 @@ def test_the_packing_follows_the_law_of_addition_one_by_one() -> None:
         assert stats.ks_2samp(*samples).pvalue > 1e-3
 
 
+@pytest.mark.parametrize("fraction", [0.02, 0.25, 0.33])
+def test_rounds_accept_what_one_by_one_would_of_the_same_draws(
+    fraction: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With this, what is left of the law is that draws are uniform and no room is lost."""
+    rounds = []
+    draw = _Room.draw
+
+    def recorded(room: _Room, draws: int, rng: np.random.Generator) -> np.ndarray:
+        rounds.append(draw(room, draws, rng))
+        return rounds[-1]
+
+    monkeypatch.setattr(_Room, "draw", recorded)
+    count = 800
+    radius = (fraction / count) ** (1 / 3)
+    centres = pack_spheres(count, radius, 1.0, np.random.default_rng(12))
+    expected = np.empty((0, 3))
+    for candidate in np.concatenate(rounds):
+        apart = expected - candidate
+        if not len(expected) or np.einsum("ij,ij->i", apart, apart).min() >= (2 * radius) ** 2:
+            expected = np.vstack([expected, candidate])
+        if len(expected) == count:
+            break
+    np.testing.assert_array_equal(centres, expected)
+
+
+def test_draws_are_uniform_in_what_is_left_of_a_divided_room() -> None:
+    radius, rng = 0.08, np.random.default_rng(14)
+    placed = pack_spheres(480, radius, 1.0, rng)
+    room = _Room.of_domain(radius, 1.0).divided(placed).divided(placed)
+    outermost = np.linalg.norm(np.abs(room.corners + room.edge / 2) + room.edge / 2, axis=1)
+    within_reach = np.flatnonzero(outermost <= room.reach)
+    points = room.draw(400_000, rng)
+    _, cell = cKDTree(room.corners + room.edge / 2).query(points, p=np.inf)
+    counts = np.bincount(cell, minlength=len(room.corners))[within_reach]
+    assert counts.mean() > 20
+    assert stats.chisquare(counts).pvalue > 1e-3
+    within = (points - room.corners[cell])[np.isin(cell, within_reach)] / room.edge
+    for axis in within.T:
+        assert stats.chisquare(np.histogram(axis, bins=20, range=(0, 1))[0]).pvalue > 1e-3
+
+
 def add_many_one_by_one(count: int, radius: float, rng: np.random.Generator) -> np.ndarray:
     """As `add_one_by_one` for a domain of 1 m, quicker: all spheres are looked at together."""
     centres = np.empty((count, 3))

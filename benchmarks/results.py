@@ -9,7 +9,7 @@ from statistics import median
 
 @dataclass(frozen=True)
 class Samples:
-    """Repeated measurements of one time.
+    """Repeated measurements of one time, or of one amount of memory.
 
     Whatever else a machine does makes a measurement longer, never shorter: the best one is nearest
     to what the program takes.
@@ -32,6 +32,8 @@ class Row:
         A peer measured in turn with ours, or a limit (a plain number). None: not there.
     goal
         The least ratio that will do. None: there is no goal, the row is for information.
+    details
+        The parts that add up to one measurement of `ours`, in the same unit.
     """
 
     name: str
@@ -49,7 +51,7 @@ class Row:
 
     @property
     def ratio(self) -> float | None:
-        """Best time of the other over best time of ours."""
+        """Best of the other over best of ours."""
         return None if self.other_best is None else self.other_best / self.ours.best
 
     @property

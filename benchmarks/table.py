@@ -13,15 +13,16 @@ from rich.table import Table
 from benchmarks.results import Row, Samples
 
 CAPTION = (
-    "ratio: best of the rounds, and in brackets the median of the ratios within a round; "
-    "peers are measured in turn with ours; a pair has two interactions, one on each particle"
+    "ratio: how many times ours goes into the other, best of the rounds, and in brackets the "
+    "median of the ratios within a round; peers are measured in turn with ours; a pair has two "
+    "interactions, one on each particle"
 )
 VERDICTS = {True: "met", False: "MISSED", None: ""}
 
 
 def print_table(rows: Sequence[Row], machine: Mapping[str, Any], console: Console) -> None:
     """Print rows, and what they were measured on."""
-    table = Table(title=_title(machine), caption=CAPTION, title_justify="left")
+    table = Table(title=machine_title(machine), caption=CAPTION, title_justify="left")
     for heading in ("benchmark", "ours", "", "against", "", "ratio", "goal", ""):
         table.add_column(heading, justify="right" if heading in ("ours", "ratio") else "left")
     for row in rows:
@@ -29,14 +30,24 @@ def print_table(rows: Sequence[Row], machine: Mapping[str, Any], console: Consol
     console.print(table)
     for row in rows:
         if row.details:
-            parts = ", ".join(f"{name} {value:.2f}" for name, value in row.details.items())
-            console.print(f"{row.name}, {row.unit}: {parts}", highlight=False)
+            console.print(_parts_table(row))
 
 
-def _title(machine: Mapping[str, Any]) -> str:
+def _parts_table(row: Row) -> Table:
+    table = Table(title=f"{row.name}: where it goes", title_justify="left")
+    for heading in ("part", row.unit, "share"):
+        table.add_column(heading, justify="left" if heading == "part" else "right")
+    whole = sum(row.details.values())
+    for name, value in (*row.details.items(), ("together", whole)):
+        table.add_row(name, f"{value:.2f}", f"{value / whole:.1%}")
+    return table
+
+
+def machine_title(machine: Mapping[str, Any]) -> str:
+    """Return the machine and the versions in two lines."""
     versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
     return (
-        f"{machine['processor']}, {machine['cores']} cores, load {machine['load']}\n"
+        f"{machine['processor']}, {machine['cores']} cores, load {machine['load']:.2f}\n"
         f"{versions}; compiler {machine['compiler']}"
     )
 
@@ -49,15 +60,25 @@ def _cells(row: Row) -> tuple[str, ...]:
     return row.name, f"{row.ours.best:.4g}", row.unit, row.other_name, other, ratio, goal, verdict
 
 
-def write_json(rows: Sequence[Row], machine: Mapping[str, Any], path: Path) -> None:
-    """Write rows with all their samples, and the machine.
+def write_json(
+    rows: Sequence[Row],
+    machine: Mapping[str, Any],
+    group_seconds: Mapping[str, float],
+    path: Path,
+) -> None:
+    """Write rows with all their samples, the machine, and how long each group took.
 
     Raises
     ------
     OSError
         If the file cannot be written.
     """
-    content = {"machine": machine, "rows": [_record(row) for row in rows]}
+    content = {
+        "machine": machine,
+        "group_seconds": group_seconds,
+        "rows": [_record(row) for row in rows],
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 

@@ -1,26 +1,23 @@
-"""The whole command on the case of section 6: pack, run, analyse, draw."""
+"""The whole command on the case of section 6: pack, run, analyse, draw; and where its time goes."""
 
 from __future__ import annotations
 
-import contextlib
-import os
+import json
+import re
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.cores import on_cores
 from benchmarks.results import Row, measure_in_turn
 from benchmarks.section_6 import CASE_FILE, REPOSITORY
-from lammps_blast.analyze import analyze, write_results
-from lammps_blast.case import load_case
-from lammps_blast.deck import write_deck, write_resolved_case
-from lammps_blast.engine import run_deck
-from lammps_blast.particles import create_particles
 
 CORES = 2
 LIMIT = 20.0  # s on so many cores
+PYTHON = "Python's start and end"
 
 
 def command_rows(repeats: int, tell: Callable[[str], None]) -> list[Row]:
@@ -41,58 +38,44 @@ def command_rows(repeats: int, tell: Callable[[str], None]) -> list[Row]:
 
 def command_seconds() -> float:
     """Run the command in a process of its own, on two cores at most, and return its seconds."""
-    with tempfile.TemporaryDirectory() as folder, _on_cores(CORES):
-        arguments = ["-m", "lammps_blast.run", str(CASE_FILE), "--output", f"{folder}/run"]
-        started = time.perf_counter()
-        done = subprocess.run(
-            [sys.executable, *arguments], cwd=REPOSITORY, capture_output=True, text=True
-        )
-        seconds = time.perf_counter() - started
-    if done.returncode != 0:
-        raise RuntimeError(f"lammps_blast.run ended with {done.returncode}: {done.stderr}")
-    return seconds
+    with tempfile.TemporaryDirectory() as folder:
+        return _seconds("lammps_blast.run", str(CASE_FILE), "--output", f"{folder}/run")
 
 
 def stage_seconds() -> dict[str, float]:
-    """Go through the command's stages in this process and return the seconds of each.
+    """Run the command once more under the profiler; return the seconds of its stages.
 
-    What the command takes beyond them is starting Python and importing modules.
+    They add up to the whole. What is imported while LAMMPS runs is not in `imports`.
     """
-    seconds: dict[str, float] = {}
+    with tempfile.TemporaryDirectory() as name:
+        result, folder = Path(name, "stages.json"), Path(name, "run")
+        arguments = str(result), str(CASE_FILE), "--output", str(folder)
+        whole = _seconds("benchmarks.command_profile", *arguments)
+        stages: dict[str, float] = json.loads(result.read_text())
+        output = _output_seconds(folder / "log.lammps")
+    stages["LAMMPS, output"] = output
+    stages["LAMMPS, steps and start"] = stages.pop("LAMMPS") - output
+    stages[PYTHON] = whole - sum(stages.values())
+    return dict(sorted(stages.items(), key=lambda stage: -stage[1]))
 
-    @contextlib.contextmanager
-    def stage(name: str) -> Iterator[None]:
+
+def _seconds(module: str, *arguments: str) -> float:
+    """Run a module on so many cores at most; return the seconds from start to end."""
+    with on_cores(CORES):
         started = time.perf_counter()
-        yield
-        seconds[name] = time.perf_counter() - started
-
-    with tempfile.TemporaryDirectory() as name, _on_cores(CORES):
-        folder = Path(name)
-        with stage("packing"):
-            case = load_case(CASE_FILE)
-            particles = create_particles(case)
-        with stage("deck"):
-            write_resolved_case(case, folder)
-            write_deck(case, particles, folder)
-        with stage("LAMMPS"):
-            run_deck(folder, case.timesteps, case.timestep)
-        with stage("analysis"):
-            analyses = analyze(folder)
-            write_results(analyses, folder, figures=False)
-        with stage("figures"):
-            write_results(analyses, folder, figures=True)
+        done = subprocess.run(
+            [sys.executable, "-m", module, *arguments],
+            cwd=REPOSITORY,
+            capture_output=True,
+            text=True,
+        )
+        seconds = time.perf_counter() - started
+    if done.returncode != 0:
+        raise RuntimeError(f"{module} ended with {done.returncode}: {done.stderr}")
     return seconds
 
 
-@contextlib.contextmanager
-def _on_cores(count: int) -> Iterator[None]:
-    """Keep to so many cores, where the system lets a process choose."""
-    if not hasattr(os, "sched_setaffinity"):
-        yield
-        return
-    allowed = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, sorted(allowed)[:count])
-    try:
-        yield
-    finally:
-        os.sched_setaffinity(0, allowed)
+def _output_seconds(log: Path) -> float:
+    """Return what LAMMPS says that writing trajectory and tables took."""
+    rows = re.findall(r"^Output +\| *(\S+)", log.read_text(), re.MULTILINE)
+    return sum(float(seconds) for seconds in rows)

@@ -17,8 +17,6 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import quad
-from scipy.optimize import brentq
 from scipy.special import hyp2f1
 
 from lammps_blast.theory import Floats
@@ -569,6 +567,7 @@ def _unswitched_integral(distance: Floats, end: float, beta: float) -> Any:
 
 def _switched_integral(distance: float, beta: float, law: NearFieldLaw) -> float:
     """Integral of the switched d^-beta from the cutoff to a distance within the switch."""
+    from scipy.integrate import quad  # slow to import, and few cases have a switch
 
     def integrand(before: float) -> float:
         return (law.cutoff - before) ** -beta * _switch(before / law.switch_width)
@@ -718,6 +717,8 @@ def equilibrium_overlap(
     attraction
         Force in N that pulls together, of the distance in m, such as `near_field_force`.
     """
+    from scipy.optimize import brentq  # slow to import, and of use only where something pulls
+
     reach = radius_i + radius_j
     # Just short of being swallowed, where the disk of a contact (eq. B.5) jumps.
     deepest = min(largest_strain, (2.0 - 1e-9) * min(radius_i, radius_j) / reach)

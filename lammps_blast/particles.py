@@ -309,7 +309,13 @@ def _can_be_relaxed(count: int, asked: float) -> bool:
 
 
 def _add_sequentially(count: int, room: _Room, rng: np.random.Generator) -> FloatArray:
-    """Return `count` centres in the order of addition, fewer if no more find a place."""
+    """Return `count` centres in the order of addition, fewer if no more find a place.
+
+    A candidate is accepted if it keeps away from all that were accepted before it, in earlier
+    rounds and in its own, so that of the same stream of candidates one-at-a-time addition accepts
+    the same ones. A stream is uniform over a room that holds all free places; the accepted
+    candidate is then uniform over the free places, whatever the room, and however it was divided.
+    """
     placed = np.empty((0, 3))
     drawn = 0
     while len(placed) < count and len(room.corners):
@@ -416,8 +422,17 @@ def _apart_from(placed: FloatArray, candidates: FloatArray, exclusion: float) ->
     """Tell which candidates keep the exclusion distance from all placed centres."""
     if not len(placed) or not len(candidates):
         return np.ones(len(candidates), dtype=bool)
-    distance, _ = cKDTree(placed).query(candidates, distance_upper_bound=exclusion)
-    return np.isinf(distance)
+    # Neighbours one after the other find their part of the tree in the processor's cache.
+    order = _tree(candidates).indices
+    distance, _ = _tree(placed).query(candidates[order], distance_upper_bound=exclusion)
+    apart = np.empty(len(candidates), dtype=bool)
+    apart[order] = np.isinf(distance)
+    return apart
+
+
+def _tree(points: FloatArray) -> cKDTree:
+    """Return a k-d tree that is halved in space: for points this even, it is the quickest."""
+    return cKDTree(points, balanced_tree=False, compact_nodes=False)
 
 
 def _apart_in_order(candidates: FloatArray, exclusion: float) -> NDArray[np.bool_]:

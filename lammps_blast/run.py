@@ -6,7 +6,9 @@ Exit status: 0 done; 2 the case is invalid, nothing was written; 3 the run faile
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -104,10 +106,20 @@ def run_case(
     warnings = Console(stderr=True)
     for warning in case_warnings(case, particles):
         warnings.print(f"WARNING: {warning}", highlight=False, markup=False)
+    threading.Thread(target=_import_ahead, args=(not options.no_figures,)).start()
     run_deck(folder, case.timesteps, case.timestep, console)
     for warning in lammps_warnings(folder):
         warnings.print(warning, highlight=False, markup=False)
     return analyze_run(folder, figures=not options.no_figures)
+
+
+def _import_ahead(figures: bool) -> None:
+    """Import what is wanted after LAMMPS while it runs: that takes a second or more."""
+    with contextlib.suppress(ImportError):  # it comes again, where it can be told
+        import lammps_blast.analyze
+
+        if figures:
+            import lammps_blast.figures  # noqa: F401
 
 
 def input_folders(case: Case) -> set[Path]:
@@ -128,7 +140,9 @@ def prepare_folder(folder: Path, *, force: bool) -> None:
     OSError
         If it cannot be made, or cleared.
     """
-    in_the_way = [folder / name for name in _products() if (folder / name).exists()]
+    in_the_way = []
+    if folder.is_dir():
+        in_the_way = [folder / name for name in _products() if (folder / name).exists()]
     if in_the_way and not force:
         names = ", ".join(path.name for path in in_the_way[:3])
         raise FolderError(f"{folder} holds a run already ({names}): give --force to replace it")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from lammps_blast.particles import (
     PackingError,
     ParticleFileError,
     Particles,
+    _add_sequentially,
     _Room,
     coincident_pair,
     create_particles,
@@ -63,6 +66,21 @@ def test_a_dilute_packing_is_uniform_in_the_ball_of_centres() -> None:
         counts, _ = np.histogram(variate, bins=50, range=(low, high))
         assert counts.sum() == count
         assert stats.chisquare(counts).pvalue > 1e-3
+    shell, octant = (8 * volume_inside).astype(int), (centres > 0) @ [1, 2, 4]
+    assert stats.chisquare(np.bincount(8 * shell + octant, minlength=64)).pvalue > 1e-3
+    assert cubes_are_filled_alike(centres, 1 - radius)
+
+
+def cubes_are_filled_alike(centres: np.ndarray, reach: float, across: int = 12) -> bool:
+    """Tell by chi-square whether cubes that lie wholly in a ball hold their part of all centres."""
+    corner = np.arange(-across // 2, across // 2)
+    outermost = np.maximum(abs(corner), abs(corner + 1))
+    inside = sum(np.meshgrid(*[outermost**2] * 3)) <= (across / 2) ** 2
+    counts, _ = np.histogramdd(centres, bins=across, range=[(-reach, reach)] * 3)
+    part = (2 / across) ** 3 / (4 / 3 * np.pi)
+    observed = np.append(counts[inside], len(centres) - counts[inside].sum())
+    expected = np.append(np.full(inside.sum(), part), 1 - inside.sum() * part) * len(centres)
+    return bool(stats.chisquare(observed, expected).pvalue > 1e-3)
 
 
 def add_one_by_one(
@@ -94,6 +112,178 @@ def test_the_packing_follows_the_law_of_addition_one_by_one() -> None:
     ):
         samples = [[measure(centres) for centres in group] for group in packings.values()]
         assert stats.ks_2samp(*samples).pvalue > 1e-3
+
+
+@pytest.mark.parametrize("fraction", [0.02, 0.25, 0.33])
+def test_rounds_accept_what_one_by_one_would_of_the_same_draws(
+    fraction: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With this, what is left of the law is that draws are uniform and no room is lost."""
+    rounds = []
+    draw = _Room.draw
+
+    def recorded(room: _Room, draws: int, rng: np.random.Generator) -> np.ndarray:
+        rounds.append(draw(room, draws, rng))
+        return rounds[-1]
+
+    monkeypatch.setattr(_Room, "draw", recorded)
+    count = 800
+    radius = (fraction / count) ** (1 / 3)
+    centres = pack_spheres(count, radius, 1.0, np.random.default_rng(12))
+    expected = np.empty((0, 3))
+    for candidate in np.concatenate(rounds):
+        apart = expected - candidate
+        if not len(expected) or np.einsum("ij,ij->i", apart, apart).min() >= (2 * radius) ** 2:
+            expected = np.vstack([expected, candidate])
+        if len(expected) == count:
+            break
+    np.testing.assert_array_equal(centres, expected)
+
+
+def test_draws_are_uniform_in_what_is_left_of_a_divided_room() -> None:
+    radius, rng = 0.08, np.random.default_rng(14)
+    placed = pack_spheres(480, radius, 1.0, rng)
+    room = _Room.of_domain(radius, 1.0).divided(placed).divided(placed)
+    outermost = np.linalg.norm(np.abs(room.corners + room.edge / 2) + room.edge / 2, axis=1)
+    within_reach = np.flatnonzero(outermost <= room.reach)
+    points = room.draw(400_000, rng)
+    _, cell = cKDTree(room.corners + room.edge / 2).query(points, p=np.inf)
+    counts = np.bincount(cell, minlength=len(room.corners))[within_reach]
+    assert counts.mean() > 20
+    assert stats.chisquare(counts).pvalue > 1e-3
+    within = (points - room.corners[cell])[np.isin(cell, within_reach)] / room.edge
+    for axis in within.T:
+        assert stats.chisquare(np.histogram(axis, bins=20, range=(0, 1))[0]).pvalue > 1e-3
+
+
+def add_many_one_by_one(count: int, radius: float, rng: np.random.Generator) -> np.ndarray:
+    """As `add_one_by_one` for a domain of 1 m, quicker: all spheres are looked at together."""
+    centres = np.empty((count, 3))
+    placed = 0
+    while placed < count:
+        for centre in rng.uniform(radius - 1, 1 - radius, (1000, 3)):
+            if centre @ centre > (1 - radius) ** 2:
+                continue
+            apart = centres[:placed] - centre
+            if placed == 0 or np.einsum("ij,ij->i", apart, apart).min() >= (2 * radius) ** 2:
+                centres[placed] = centre
+                placed += 1
+                if placed == count:
+                    break
+    return centres
+
+
+def structure(centres: np.ndarray, radius: float) -> np.ndarray:
+    """Numbers that tell how centres lie to each other, to the wall, and in their order.
+
+    Pairs by their distance up to two diameters (the pair correlation), centres by their distance
+    from the middle, mean and spread of the number of neighbours, and how near its nearest
+    neighbour the last tenth of the spheres lies.
+    """
+    pairs = pdist(centres)
+    near, _ = np.histogram(pairs, bins=10, range=(2 * radius, 4 * radius))
+    shells, _ = np.histogram(np.linalg.norm(centres, axis=1), bins=8, range=(0, 1 - radius))
+    tree = cKDTree(centres)
+    neighbours = tree.query_ball_point(centres, 3 * radius, return_length=True)
+    last = tree.query(centres[-len(centres) // 10 :], k=2)[0][:, 1] / radius
+    return np.array([*near, *shells, neighbours.mean(), neighbours.var(), last.mean(), last.max()])
+
+
+@pytest.mark.parametrize("fraction", [0.1, 0.25])
+def test_dense_packings_are_built_like_those_of_addition_one_by_one(fraction: float) -> None:
+    count, trials = 200, 40
+    radius = (fraction / count) ** (1 / 3)
+    ours, plain = (
+        np.array(
+            [structure(pack(np.random.default_rng([seed, 9])), radius) for seed in range(trials)]
+        )
+        for pack in (
+            lambda rng: pack_spheres(count, radius, 1.0, rng),
+            lambda rng: add_many_one_by_one(count, radius, rng),
+        )
+    )
+    # Of numbers that are zero in every trial, and equal, nothing is to be told.
+    told = (ours.var(axis=0) + plain.var(axis=0)) > 0
+    score = stats.ttest_ind(ours[:, told], plain[:, told], equal_var=False)
+    assert told.sum() >= 20
+    assert score.pvalue.min() > 1e-3 / told.sum()
+    assert np.sqrt(np.mean(score.statistic**2)) < 1.7
+
+
+def test_spheres_stop_finding_places_at_the_known_saturation() -> None:
+    """0.384, the saturation of random sequential addition of spheres far from any wall."""
+    radius = 0.04
+    centres = _add_sequentially(10_000, _Room.of_domain(radius, 1.0), np.random.default_rng(17))
+    inner = 1 - 4 * radius
+    inside = np.sum(np.linalg.norm(centres, axis=1) <= inner)
+    assert inside * (radius / inner) ** 3 == pytest.approx(0.384, rel=0.015)
+    # No point of space is left where another sphere would fit.
+    points = _Room.of_domain(radius, 1.0).draw(300_000, np.random.default_rng(18))
+    assert cKDTree(centres).query(points)[0].max() < 2 * radius
+
+
+def pairs_nearer_than(centres: np.ndarray, reach: float) -> np.ndarray:
+    """Pairs of centres, (P, 2), found by comparing neighbouring cubes of edge `reach`."""
+    cubes = np.floor((centres - centres.min(axis=0)) / reach).astype(np.int64) + 1
+    strides = np.array(
+        [1, cubes[:, 0].max() + 2, (cubes[:, 0].max() + 2) * (cubes[:, 1].max() + 2)]
+    )
+    cube = cubes @ strides
+    order = np.argsort(cube, kind="stable")
+    found = []
+    for offset in product((-1, 0, 1), repeat=3):
+        beside = cube + offset @ strides
+        start, stop = (np.searchsorted(cube[order], beside, side) for side in ("left", "right"))
+        for step in range((stop - start).max()):
+            first = np.flatnonzero(start + step < stop)
+            second = order[start[first] + step]
+            near = np.linalg.norm(centres[first] - centres[second], axis=1) < reach
+            pairs = np.stack([first[near], second[near]], axis=1)
+            found.append(pairs[pairs[:, 0] < pairs[:, 1]])
+    return np.concatenate(found)
+
+
+def check_exactly(centres: np.ndarray, radius: float) -> None:
+    """Find the closest pairs and the outermost spheres, and judge them in exact arithmetic."""
+    pairs = pairs_nearer_than(centres, 2.02 * radius)
+    assert len(pairs) > 100
+    distance = np.linalg.norm(centres[pairs[:, 0]] - centres[pairs[:, 1]], axis=1)
+    for i, j in pairs[np.argsort(distance)[:50]]:
+        a, b = ([Fraction(x) for x in centres[k].tolist()] for k in (i, j))
+        square = sum((x - y) ** 2 for x, y in zip(a, b, strict=True))
+        assert square >= (2 * Fraction(radius)) ** 2
+    for centre in centres[np.argsort(np.linalg.norm(centres, axis=1))[-50:]].tolist():
+        assert sum(Fraction(x) ** 2 for x in centre) <= (1 - Fraction(radius)) ** 2
+
+
+def check_evenness(centres: np.ndarray, radius: float) -> None:
+    """Find neither shells nor a lattice, least of all that of the cells that are drawn from.
+
+    Spheres that keep apart are spread more evenly than chance: a chi-square may be small.
+    """
+    distance = np.linalg.norm(centres, axis=1)
+    inner = 1 - 8 * radius  # the wall, which orders the spheres next to it, is far away
+    interior = centres[distance <= inner]
+    shells, _ = np.histogram((distance[distance <= inner] / inner) ** 3, bins=40, range=(0, 1))
+    octants = np.bincount((interior > 0) @ [1, 2, 4], minlength=8)
+    assert all(stats.chisquare(counts).pvalue > 1e-3 for counts in (shells, octants))
+    cell = 2 * (1 - radius) / np.ceil((1 - radius) / radius)
+    for period in (cell, cell / 2, 2 * radius):
+        place, _ = np.histogram((interior + 1 - radius) / period % 1, bins=16, range=(0, 1))
+        by_axis = [
+            np.histogram(axis, bins=16, range=(0, 1))[0]
+            for axis in ((interior + 1 - radius) / period % 1).T
+        ]
+        assert all(stats.chisquare(counts).pvalue > 1e-3 for counts in (place, *by_axis))
+
+
+@pytest.mark.parametrize("count", [30_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
+def test_many_spheres_lie_exactly_apart_and_evenly(count: int) -> None:
+    radius = (0.25 / count) ** (1 / 3)
+    centres = pack_spheres(count, radius, 1.0, np.random.default_rng(2016))
+    assert len(centres) == count
+    check_exactly(centres, radius)
+    check_evenness(centres, radius)
 
 
 def test_divided_room_holds_every_possible_centre() -> None:

@@ -12,15 +12,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.lammps_loop import LammpsLoop
+from benchmarks.peers import ROWS, numba_all_pairs
 from benchmarks.plain_kernel import plain_kernels
 from benchmarks.results import Row, Samples, measure_in_turn
 from benchmarks.section_9 import COUNT, PLAIN_INTEGRATION, PULSE_ENERGY, pair_law, section_9
 from lammps_blast.case import Case
+from lammps_blast.pairs import near_field_law
 from lammps_blast.particles import Particles, create_particles
 
 LIMIT = 1.0  # ns an interaction
 LIST_GOAL = 2.0
-PLAIN_COUNT = 20_000
+MANY = 20_000
+NUMBA = "numba, each pair twice"
 PLAIN_GOAL = 1 / 1.15
 WARM_UP_STEPS = 2
 WIDER_THAN_CLOUD = 5.0  # m
@@ -98,14 +101,14 @@ def near_field_rows(repeats: int, tell: Callable[[str], None]) -> list[Row]:
         _row(WHOLE, whole, by_list, goal=LIST_GOAL),
     ]
     rows += [_row(other, *_measure(other, repeats, tell)) for other in OTHERS]
-    return [*rows, _plain_row(repeats, tell)]
+    return rows + _compiled_loop_rows(repeats, tell)
 
 
-def _plain_row(repeats: int, tell: Callable[[str], None]) -> Row:
-    """Measure the direct sum of many particles in turn with plain loops made for this machine."""
-    case, particles = section_9_cloud(
-        PLAIN_COUNT, near_field={"method": "direct", "accuracy": None}
-    )
+def _compiled_loop_rows(repeats: int, tell: Callable[[str], None]) -> list[Row]:
+    """Measure the direct sum of many particles in turn with compiled loops over all pairs."""
+    directly = {"method": "direct", "accuracy": None}
+    case, particles = section_9_cloud(MANY, near_field=directly)
+    name = f"near field, all pairs of {MANY:,}"
     ours = LammpsLoop(
         particles,
         case.time.step,
@@ -113,21 +116,32 @@ def _plain_row(repeats: int, tell: Callable[[str], None]) -> Row:
         steps=3,
         warm_up_steps=WARM_UP_STEPS,
         case=case,
-        parts=PLAIN_COUNT * (PLAIN_COUNT - 1) // 2,
+        parts=MANY * (MANY - 1) // 2,
     )
     plain = plain_kernels(particles.position)
-    name = f"near field, all pairs of {PLAIN_COUNT:,}"
-    times = measure_in_turn({name: ours} | plain, repeats, tell)
+    numba = numba_all_pairs(particles, near_field_law(case.near_field), ROWS)
+    peers: dict[str, Callable[[], float]] = plain | ({NUMBA: numba} if numba else {})
+    times = measure_in_turn({name: ours} | peers, repeats, tell)
     best = min((times[loop] for loop in plain), key=lambda samples: samples.best, default=None)
-    return Row(
-        name,
-        times[name],
-        "plain vector loop",
-        best,
-        "ns/pair",
-        goal=PLAIN_GOAL,
-        remark="" if plain else "no compiler",
-    )
+    return [
+        Row(
+            name,
+            times[name],
+            "plain vector loop",
+            best,
+            "ns/pair",
+            goal=PLAIN_GOAL,
+            remark="" if plain else "no compiler",
+        ),
+        Row(
+            name,
+            times[name],
+            NUMBA,
+            times.get(NUMBA),
+            "ns/pair",
+            remark="" if numba else "not installed",
+        ),
+    ]
 
 
 def _measure(

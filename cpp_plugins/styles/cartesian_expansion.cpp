@@ -118,15 +118,18 @@ BLAST_INLINE void find_derivatives(const CartesianExpansion &expansion,
   const double repulsion_exponent = field.repulsion.power.exponent;
   Lanes radial[CartesianExpansion::HIGHEST_ORDER + 1], attraction, repulsion, inverse;
   const Lanes *offset = cells.offset;
+  with_law_of(field, [&](const auto &law) __attribute__((always_inline)) {
 #pragma omp simd
-  for (int w = 0; w < LANES; w++) {
-    const double square = offset[0].at[w] * offset[0].at[w] + offset[1].at[w] * offset[1].at[w] +
-                          offset[2].at[w] * offset[2].at[w];
-    const double logarithm = 0.5 * log(square);
-    inverse.at[w] = 1.0 / square;
-    attraction.at[w] = field.attraction.strength * exp(-(attraction_exponent + 1.0) * logarithm);
-    repulsion.at[w] = field.repulsion.strength * exp(-(repulsion_exponent + 1.0) * logarithm);
-  }
+    for (int w = 0; w < LANES; w++) {
+      const double square = offset[0].at[w] * offset[0].at[w] + offset[1].at[w] * offset[1].at[w] +
+                            offset[2].at[w] * offset[2].at[w];
+      const double root = 1.0 / std::sqrt(square);
+      inverse.at[w] = root * root;
+      attraction.at[w] = law.attraction * law.attraction_power(root) * root;
+      repulsion.at[w] = law.repulsion * law.repulsion_power(root) * root;
+    }
+    return 0.0;
+  });
   for (int m = 1; m <= expansion.order; m++) {
     const double of_attraction = blast::radial_derivative_factor(attraction_exponent, m);
     const double of_repulsion = blast::radial_derivative_factor(repulsion_exponent, m);

@@ -107,6 +107,53 @@ template <class Sum> BLAST_INLINE double with_law_of(const blast::NearField &fie
       by(RealPower{field.attraction.power.exponent}, RealPower{field.repulsion.power.exponent}));
 }
 
+// Potential of eq. 7.23 without a cutoff, of 1/d.
+template <bool LOGARITHM, class AttractionPower, class RepulsionPower> struct PotentialByPowers {
+  double per_logarithm; // of d
+  double attraction, repulsion;
+  AttractionPower attraction_power;
+  RepulsionPower repulsion_power;
+  BLAST_INLINE double operator()(double inverse) const
+  {
+    const double powers = blast::near_field_balance(attraction, attraction_power, repulsion,
+                                                    repulsion_power, inverse);
+    return LOGARITHM ? powers - per_logarithm * log(inverse) : powers;
+  }
+};
+
+// Calls `use` with the cheapest power of 1/d that is d^growth.
+template <class Use> BLAST_INLINE void with_power_of(double growth, const Use &use)
+{
+  if (growth == 0.0)
+    use(WholePower<0>());
+  else if (growth == -1.0)
+    use(WholePower<1>());
+  else
+    use(RealPower{-growth});
+}
+
+// Calls `use` with the cheapest potential of a field.
+template <class Use>
+BLAST_INLINE void with_potential_of(const blast::NearField &field, const Use &use)
+{
+  const blast::BarePotential attraction(field.attraction), repulsion(field.repulsion);
+  const double per_logarithm = attraction.per_logarithm - repulsion.per_logarithm;
+  with_power_of(
+      attraction.growth, [&](const auto &attraction_power) __attribute__((always_inline)) {
+        with_power_of(
+            repulsion.growth, [&](const auto &repulsion_power) __attribute__((always_inline)) {
+              using A = std::decay_t<decltype(attraction_power)>;
+              using R = std::decay_t<decltype(repulsion_power)>;
+              const double a = attraction.per_power, r = repulsion.per_power;
+              if (per_logarithm != 0.0)
+                use(PotentialByPowers<true, A, R>{per_logarithm, a, r, attraction_power,
+                                                  repulsion_power});
+              else
+                use(PotentialByPowers<false, A, R>{0.0, a, r, attraction_power, repulsion_power});
+            });
+      });
+}
+
 } // namespace LAMMPS_NS
 
 #endif

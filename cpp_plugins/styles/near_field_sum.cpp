@@ -189,22 +189,21 @@ BLAST_NARROW_CLONES double from_narrow(const NearField &field, const FieldSource
                                   nullptr);
 }
 
-BLAST_INLINE double potential_in(const NearField &field, const Vector3 &target,
+template <class Potential>
+BLAST_INLINE double potential_in(const Potential &potential, const Vector3 &target,
                                  const FieldSources &sources, Range range)
 {
   const double *__restrict x = sources.x.data(), *__restrict y = sources.y.data(),
                            *__restrict z = sources.z.data(),
                            *__restrict factor = sources.factor.data();
-  const blast::BarePotential attraction(field.attraction), repulsion(field.repulsion);
-  double potential = 0.0;
-#pragma omp simd reduction(+ : potential)
+  const DividedRoot inverse_root{};
+  double sum = 0.0;
+#pragma omp simd reduction(+ : sum)
   for (int j = range.begin; j < range.end; j++) {
     const double dx = x[j] - target.x, dy = y[j] - target.y, dz = z[j] - target.z;
-    const double logarithm = 0.5 * log(dx * dx + dy * dy + dz * dz);
-    const auto power = [logarithm](double growth) { return exp(growth * logarithm); };
-    potential += factor[j] * (attraction(logarithm, power) - repulsion(logarithm, power));
+    sum += factor[j] * potential(inverse_root(dx * dx + dy * dy + dz * dz));
   }
-  return potential;
+  return sum;
 }
 
 } // namespace
@@ -238,13 +237,15 @@ BLAST_VECTOR_CLONES void sum_potential_from(const NearField &field, const FieldS
                                             Range source_range, double *potential)
 {
   const bool among_themselves = &targets == &sources;
-  for (int i = target_range.begin; i < target_range.end; i++) {
-    const bool is_source = among_themselves && i >= source_range.begin && i < source_range.end;
-    const int end = is_source ? i : source_range.end;
-    const Vector3 target = place(targets, i);
-    potential[i] += potential_in(field, target, sources, {source_range.begin, end});
-    if (is_source) potential[i] += potential_in(field, target, sources, {i + 1, source_range.end});
-  }
+  with_potential_of(field, [&](const auto &law) __attribute__((always_inline)) {
+    for (int i = target_range.begin; i < target_range.end; i++) {
+      const bool is_source = among_themselves && i >= source_range.begin && i < source_range.end;
+      const int end = is_source ? i : source_range.end;
+      const Vector3 target = place(targets, i);
+      potential[i] += potential_in(law, target, sources, {source_range.begin, end});
+      if (is_source) potential[i] += potential_in(law, target, sources, {i + 1, source_range.end});
+    }
+  });
 }
 
 } // namespace LAMMPS_NS

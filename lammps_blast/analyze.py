@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from MDAnalysis import Universe
@@ -53,6 +53,9 @@ from lammps_blast.step_history import StepHistory
 from lammps_blast.stock_contacts import energy_reserve
 from lammps_blast.summation import SummationReport
 from lammps_blast.trajectory import TrajectoryError, find_trajectory, open_universe
+
+if TYPE_CHECKING:
+    from lammps_blast.figures.cloud import Snapshot
 
 SUMMARY = "summary.json"
 ENVELOPE_TABLE = "envelope.csv"
@@ -101,7 +104,10 @@ class Check:
 
 @dataclass(frozen=True)
 class Analyses:
-    """Everything that is known of a run, for its summary and its figures."""
+    """Everything that is known of a run, for its summary and its figures.
+
+    `snapshots` are what figures have read of frames, by frame and most particles drawn.
+    """
 
     name: str
     universe: Universe
@@ -125,6 +131,9 @@ class Analyses:
     steps: StepHistory | None = None
     relaxation: RelaxationReport | None = None
     summation: SummationReport | None = None
+    snapshots: dict[int, dict[int, Snapshot]] = field(
+        init=False, repr=False, compare=False, default_factory=dict
+    )
 
 
 def analyze(

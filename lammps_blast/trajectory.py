@@ -73,6 +73,7 @@ from lammps_blast.deck import (
     CONSTANT_COLUMNS,
     TEXT_TRAJECTORY,
 )
+from lammps_blast.text_columns import read_text_columns
 
 FORMATS = ["BLASTDUMP", "LAMMPSBIN"]  # the second makes MDAnalysis know the file by its suffix
 
@@ -274,13 +275,16 @@ class _Text:
             raise TrajectoryError(f"{header.n_atoms} atoms announced, {n_lines} lines found")
         if len(columns.numeric) < len(columns.written):
             return _parse_lines(frame[header.body : -1], columns)
+        shape = header.n_atoms, len(columns.written)
+        if (table := read_text_columns(frame, header.body, shape)) is not None:
+            return table
         lines = io.BytesIO(frame)
         lines.seek(header.body)
         try:
             table = np.loadtxt(lines, comments=None, encoding="latin1", ndmin=2)
         except ValueError:
             return _parse_lines(frame[header.body : -1], columns)
-        if table.shape == (header.n_atoms, len(columns.written)):
+        if table.shape == shape:
             return table
         return _parse_lines(frame[header.body : -1], columns)  # blank lines are no error to numpy
 

@@ -508,6 +508,20 @@ def test_both_charges_get_a_picture_of_their_own(tmp_path):
     assert "(−)" in words(velocity_figure(mixed))
 
 
+def test_figures_read_a_frame_once(tmp_path, monkeypatch):
+    sign = np.where(np.arange(12) % 2, 1.0, -1.0)
+    mixed = make_run(tmp_path / "mixed", frames=3, turns=0.2, sign=sign)
+    read = []
+    reader = type(mixed.universe.trajectory)
+    plain = reader._read_frame
+    monkeypatch.setattr(
+        reader, "_read_frame", lambda self, frame: read.append(frame) or plain(self, frame)
+    )
+    for figure in (cloud_figure, charge_figure, velocity_figure):
+        figure(mixed)
+    assert sorted(read) == [0, 1, 2]
+
+
 def test_particles_without_charge_are_not_called_positive(tmp_path):
     three = make_run(tmp_path / "three", frames=2, charge=np.arange(12) % 3 - 1.0)
     assert "no charge" in words(charge_figure(three))

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tracemalloc
 import warnings
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import MDAnalysis
@@ -18,6 +19,7 @@ import numpy as np
 import pytest
 from MDAnalysis.analysis.base import AnalysisBase
 
+from lammps_blast import text_columns
 from lammps_blast.deck import BINARY_CONSTANTS, BINARY_TRAJECTORY, TEXT_TRAJECTORY
 from lammps_blast.trajectory import (
     BlastDumpReader,
@@ -114,6 +116,22 @@ def dump(request, dumps):
     return dumps / request.param
 
 
+@contextmanager
+def hidden_parser():
+    """Let the reader find no compiled parser of numbers."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(text_columns, "LIBRARY_FILE", "absent.so")
+        text_columns.compiled_parser.cache_clear()
+        yield
+    text_columns.compiled_parser.cache_clear()
+
+
+@pytest.fixture(params=["compiled", "numpy"])
+def parser(request):
+    with hidden_parser() if request.param == "numpy" else nullcontext():
+        yield request.param
+
+
 def written(path: Path) -> list[np.ndarray]:
     """The atom lines of a text dump, read the plain way: one (N, columns) array a frame."""
     frames = []
@@ -134,7 +152,7 @@ def read_quietly(path: Path, **kwargs):
         return universe, snapshot(universe)
 
 
-def test_text_holds_exactly_the_written_numbers(dumps):
+def test_text_holds_exactly_the_written_numbers(dumps, parser):
     universe = open_universe(dumps / TEXT_TRAJECTORY)
     for ts, table in zip(universe.trajectory, written(dumps / TEXT_TRAJECTORY), strict=True):
         assert np.array_equal(ts.data["position"], table[:, 5:8])
@@ -543,7 +561,7 @@ BAD_FILES = {
 
 
 @pytest.mark.parametrize("case", BAD_FILES)
-def test_bad_files_are_one_line_errors(case, tmp_path):
+def test_bad_files_are_one_line_errors(case, tmp_path, parser):
     text, message = BAD_FILES[case]
     path = tmp_path / "dump"
     path.write_text(text, encoding="latin-1")
@@ -600,7 +618,7 @@ def test_text_is_sorted_by_id_and_other_units_are_named(tmp_path):
 
 
 @pytest.mark.parametrize("ending", ["\n", " \n", "\r\n"], ids=["unix", "old lammps", "windows"])
-def test_line_endings(ending, tmp_path):
+def test_line_endings(ending, tmp_path, parser):
     path = tmp_path / "dump"
     path.write_bytes(small_text(GOOD, GOOD).replace("\n", ending).encode())
     assert len(snapshot(open_universe(path))) == 2
@@ -609,7 +627,7 @@ def test_line_endings(ending, tmp_path):
 @pytest.mark.parametrize(
     "format_", ["%.15g", "%.17g", "%.12e", "%.17e"], ids=["15g", "17g", "12e", "17e"]
 )
-def test_text_numbers_round_correctly(format_, tmp_path):
+def test_text_numbers_round_correctly(format_, tmp_path, parser):
     rng = np.random.default_rng(7)
     values = rng.normal(size=(500, 3)) * 10.0 ** rng.integers(-290, 290, size=(500, 3))
     lines = [f"{i + 1} " + " ".join(format_ % v for v in row) for i, row in enumerate(values)]
@@ -657,6 +675,42 @@ def test_damage_is_read_or_refused(name, dumps, tmp_path):
     assert 30 < len(refusals) < 300
     assert not [message for message in refusals if "\n" in message]
     assert peak < 20e6
+
+
+def outcome(path: Path):
+    """The numbers of a dump bit for bit, or what the reader says against it."""
+    try:
+        _, frames = read_quietly(path, timestep=STEP)
+    except TrajectoryError as error:
+        return str(error)
+    return [{key: np.asarray(value).tobytes() for key, value in f.items()} for f in frames]
+
+
+@pytest.mark.parametrize("word", ["1e400", "1e-400", "nan(1)", "1_0", "+-1", "0x10", "1\r", "\x85"])
+def test_unusual_numbers_do_not_depend_on_the_parser(word, tmp_path):
+    path = tmp_path / "dump"
+    path.write_bytes(small_text(GOOD, [f"1 {word} 0 0", "2 0 0 0"]).encode("latin-1"))
+    found = outcome(path)
+    with hidden_parser():
+        assert outcome(path) == found
+
+
+def test_damage_does_not_depend_on_the_parser(dumps, tmp_path):
+    raw = (dumps / TEXT_TRAJECTORY).read_bytes()
+    rng = random.Random(5)
+    path = tmp_path / "dump"
+    outcomes = []
+    for _ in range(300):
+        path.write_bytes(damaged(raw, rng))
+        outcomes.append(outcome(path))
+        with hidden_parser():
+            assert outcome(path) == outcomes[-1]
+    assert 30 < sum(isinstance(found, str) for found in outcomes) < 300
+
+
+def test_numpy_is_not_asked_where_there_is_a_compiled_parser(dumps, monkeypatch):
+    monkeypatch.delattr(np, "loadtxt")
+    assert len(snapshot(open_universe(dumps / TEXT_TRAJECTORY))) == N_FRAMES
 
 
 def test_memory_does_not_grow_with_frames(dump, tmp_path):

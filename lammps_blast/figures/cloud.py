@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 INSTANTS = 6
 # More particles than this in one panel only cover each other.
 MAX_DRAWN = 3000
+MAX_ARROWS = 160
 # Particles drawn so many times larger than they are are better called points.
 MAX_ENLARGED = 1e3
 # From the navy blue to the orange of plasma: its yellow end is lost on white paper.
@@ -92,7 +93,7 @@ def cloud_panels(
     analyses: Analyses, colours: Callable[[Snapshot], np.ndarray], *remarks: str
 ) -> Figure:
     """Draw the cloud at several instants; `colours` returns those (D, 4) of what is drawn."""
-    snapshots = [Snapshot.of(analyses, frame, MAX_DRAWN) for frame in _instants(analyses)]
+    snapshots = [snapshot_of(analyses, frame, MAX_DRAWN) for frame in _instants(analyses)]
     corners = np.concatenate([snapshot.corners for snapshot in snapshots])
     scene = Scene.around(corners, Camera.facing(analyses.axis))
     figure, places = grid_of_places(len(snapshots), scene)
@@ -147,27 +148,35 @@ class Snapshot:
     corners: np.ndarray
     spheroid: Spheroid | None
 
-    @classmethod
-    def of(cls, analyses: Analyses, frame: int, most: int) -> Snapshot:
-        """Read a frame; of more than `most` particles, the same few are drawn in each frame."""
-        ts = analyses.universe.trajectory[frame]
-        position, velocity = ts.data["position"], ts.data.get("velocity")
-        radius = analyses.cloud.radius
-        # A diverged run may hold NaN.
-        finite = np.isfinite(position).all(axis=1)
-        if velocity is not None:
-            finite &= np.isfinite(velocity).all(axis=1)
-        spheroid = _spheroid(analyses, frame)
-        room = 0.0 if radius is None else radius[finite][:, None]
-        ends = [position[finite] - room, position[finite] + room]
-        ends = np.concatenate([*ends, spheroid.corners] if spheroid else ends)
-        corners = [ends.min(axis=0), ends.max(axis=0)] if len(ends) else np.zeros((2, 3))
-        drawn = np.arange(len(position))
-        if len(drawn) > most:
-            # At random, because the order of particles may follow their places.
-            drawn = np.sort(np.random.default_rng(0).choice(len(drawn), most, replace=False))
-        drawn = drawn[finite[drawn]]
-        return cls(
+
+def snapshot_of(analyses: Analyses, frame: int, most: int) -> Snapshot:
+    """Return a frame with at most so many particles drawn: MAX_DRAWN or MAX_ARROWS.
+
+    A frame is read once for all figures; kept is what they draw of it.
+    """
+    if frame not in analyses.snapshots:
+        analyses.snapshots[frame] = _read_snapshots(analyses, frame)
+    return analyses.snapshots[frame][most]
+
+
+def _read_snapshots(analyses: Analyses, frame: int) -> dict[int, Snapshot]:
+    """Read a frame; return its snapshots by the most particles that they may draw."""
+    ts = analyses.universe.trajectory[frame]
+    position, velocity = ts.data["position"], ts.data.get("velocity")
+    radius = analyses.cloud.radius
+    # A diverged run may hold NaN.
+    finite = np.isfinite(position).all(axis=1)
+    if velocity is not None:
+        finite &= np.isfinite(velocity).all(axis=1)
+    spheroid = _spheroid(analyses, frame)
+    room = 0.0 if radius is None else radius[finite][:, None]
+    ends = [position[finite] - room, position[finite] + room]
+    ends = np.concatenate([*ends, spheroid.corners] if spheroid else ends)
+    corners = [ends.min(axis=0), ends.max(axis=0)] if len(ends) else np.zeros((2, 3))
+    snapshots = {}
+    for most in (MAX_DRAWN, MAX_ARROWS):
+        drawn = _drawn(finite, most)
+        snapshots[most] = Snapshot(
             frame,
             float(ts.time),
             drawn,
@@ -177,6 +186,16 @@ class Snapshot:
             np.array(corners),
             spheroid,
         )
+    return snapshots
+
+
+def _drawn(finite: np.ndarray, most: int) -> np.ndarray:
+    """Return which particles are drawn; of more than `most`, the same few in each frame."""
+    drawn = np.arange(len(finite))
+    if len(drawn) > most:
+        # At random, because the order of particles may follow their places.
+        drawn = np.sort(np.random.default_rng(0).choice(len(drawn), most, replace=False))
+    return drawn[finite[drawn]]
 
 
 def _spheroid(analyses: Analyses, frame: int) -> Spheroid | None:

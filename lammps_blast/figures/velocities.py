@@ -13,7 +13,13 @@ from matplotlib.lines import Line2D
 
 from lammps_blast import theory
 from lammps_blast.analysis import SpheroidTheory
-from lammps_blast.figures.cloud import Snapshot, SpeedScale, has_both_charges
+from lammps_blast.figures.cloud import (
+    MAX_ARROWS,
+    Snapshot,
+    SpeedScale,
+    has_both_charges,
+    snapshot_of,
+)
 from lammps_blast.figures.sampling import LEGIBLE_TURNS, Sampling
 from lammps_blast.figures.scene import (
     Camera,
@@ -40,7 +46,6 @@ from lammps_blast.figures.style import (
 if TYPE_CHECKING:
     from lammps_blast.analyze import Analyses
 
-ARROWS = 160
 # Colour, marker and line of each particle that is followed.
 TRACK_STYLES = ((BLUE, "o", "-"), (ORANGE, "s", "--"), (GREEN, "^", "-."))
 
@@ -56,7 +61,7 @@ def velocity_figure(analyses: Analyses) -> Figure:
     clock = Unit.of(last, "s")
     for row, frame in enumerate(frames):
         place = (0.05, 4.62 - (row + 1) * height, 3.35, height - 0.05)
-        snapshot = Snapshot.of(analyses, frame, ARROWS)
+        snapshot = snapshot_of(analyses, frame, MAX_ARROWS)
         scene = Scene.around(snapshot.corners, Camera.facing(analyses.axis))
         longest = 0.2 * float(np.median(scene.size))
         title = f"t = {clock.show(snapshot.time, last)}"
@@ -66,7 +71,7 @@ def velocity_figure(analyses: Analyses) -> Figure:
 
     _draw_velocities(stack(figure, (4.15, 0.5, 2.9, 3.72), 3), analyses)
     count = len(analyses.cloud.mass)
-    share = [f"velocities of {ARROWS} of {count} particles"] if count > ARROWS else []
+    share = [f"velocities of {MAX_ARROWS} of {count} particles"] if count > MAX_ARROWS else []
     write_head(figure, analyses)
     write_foot(figure, [*field_remarks(analyses), *share, "arrows to one scale within a panel"])
     return figure

@@ -212,6 +212,20 @@ def cloud_sums(field, particles):
     return Sums(vectors.sum(axis=1), size.sum(axis=1)[:, None], virial)
 
 
+def pair_energies(field, particles):
+    """Return the energy of every pair under one field, or under those of pairs of types."""
+    fields = field if isinstance(field, dict) else {(1, 1): field}
+    types = types_of(particles) if len(fields) > 1 else np.ones(len(particles), dtype=int)
+    i, j = np.triu_indices(len(particles), 1)
+    d = np.linalg.norm(particles.position[j] - particles.position[i], axis=1)
+    energy = np.empty_like(d)
+    for (t, u), between in fields.items():
+        factors = between.factors(particles)
+        among = np.minimum(types[i], types[j]) * 10 + np.maximum(types[i], types[j]) == 10 * t + u
+        energy[among] = (factors[i] * factors[j] * between.energy(d))[among]
+    return energy
+
+
 def system_commands(kinds, newton="on"):
     """Return commands that read the particles, give them signs and types, and define computes."""
     system = SYSTEM.replace("units si", f"units si\nnewton {newton}").replace(
@@ -308,10 +322,7 @@ def test_forces_and_energy_of_a_whole_cloud(simulate, field):
     sums = cloud_sums(field, particles)
     assert np.all(np.abs(simulation.per_atom("f") - sums.force) <= 1e-12 * sums.force_size)
 
-    factors = field.factors(particles)
-    i, j = np.triu_indices(len(particles), 1)
-    d = np.linalg.norm(particles.position[j] - particles.position[i], axis=1)
-    energy = factors[i] * factors[j] * field.energy(d)
+    energy = pair_energies(field, particles)
     total = simulation.lammps.get_thermo("pe")
     assert abs(total - energy.sum()) <= 1e-12 * np.abs(energy).sum()
     assert potential_energies(simulation).sum() == pytest.approx(total, rel=1e-11)
@@ -326,6 +337,10 @@ MANY_TYPES = {
         (2, 3): Field((0.3, 1.37), (0.1, 2.2)),
         (3, 3): Field((0.3, 1.0), (0.0, 0.0)),
     }
+}
+MANY_TYPES["exponents alone"] = {
+    types: Field((0.5, 0.5 * sum(types)), (0.3, 1.0 + types[1]))
+    for types in MANY_TYPES["one exponent each"]
 }
 MANY_TYPES["volumes with signs"] = {
     types: replace(field, scaling="volume", signed=True)

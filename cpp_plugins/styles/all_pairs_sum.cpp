@@ -23,6 +23,8 @@ constexpr int LEAF_SIZE = 32;
 // neighbours are renewed after so many steps.
 constexpr int SAMPLED_LEAVES = 64;
 constexpr int STEPS_BETWEEN_CHOICES = 100;
+// Or when so large a part of the particles has come or gone.
+constexpr double CHANGE_OF_COUNT = 0.1;
 // Of the accuracy asked for, what the sample may show: it is not the whole.
 constexpr double PART_OF_ACCURACY = 0.5;
 // Fewer particles than this are summed directly before anything is tried.
@@ -107,8 +109,9 @@ bool AllPairsSum::compute(const std::vector<double> &factors, bool energies)
   }
   particles.gather(factors);
   if (anew && method != SummationMethod::direct) {
-    grow_trees();
-    if (is_time_to_choose()) choose();
+    const bool choosing = is_time_to_choose();
+    if (choosing || used.order > 0) grow_trees();
+    if (choosing) choose();
   }
   forces.clear(particles.count());
   potentials.assign(energies ? particles.count() : 0, 0.0);
@@ -233,8 +236,8 @@ double AllPairsSum::sum_by_tree(bool energies)
 
 bool AllPairsSum::is_time_to_choose() const
 {
-  return chosen_at < 0 || chosen_for != particles.count() || update->ntimestep < chosen_at ||
-         update->ntimestep >= chosen_at + STEPS_BETWEEN_CHOICES;
+  return chosen_at < 0 || std::abs(particles.count() - chosen_for) > CHANGE_OF_COUNT * chosen_for ||
+         update->ntimestep < chosen_at || update->ntimestep >= chosen_at + STEPS_BETWEEN_CHOICES;
 }
 
 // Takes the cheapest rung of the ladder that is accurate on a sample of the particles, or the
@@ -254,9 +257,8 @@ void AllPairsSum::choose()
   const bool found = find_cheapest_trial(trial);
   if (found && (method == SummationMethod::tree || trial.cost < cost_of_direct_sum()))
     use(trial.approximation, trial.cost);
-  else
-    use({}, cost_of_direct_sum());
-  if (!found && comm->me == 0)
+  else if (use({}, cost_of_direct_sum()) && !found && method == SummationMethod::tree &&
+           comm->me == 0)
     error->warning(FLERR, "Pair blast/nearfield: no tree reaches accuracy {:g}", accuracy);
 }
 
@@ -358,8 +360,9 @@ AllPairsSum::Trial AllPairsSum::try_rung(int number)
   const double cost_on_sample = sums[NEAR] + sums[FAR] * (CELL_COST + CELL_COST_OF_TERM * terms);
   const double whole = particles.count();
   Trial trial;
-  trial.approximation = {tried.order, tried.opening,
-                         std::sqrt(sums[ERROR_SQUARE] / sums[FORCE_SQUARE])};
+  const double error =
+      sums[ERROR_SQUARE] == 0.0 ? 0.0 : std::sqrt(sums[ERROR_SQUARE] / sums[FORCE_SQUARE]);
+  trial.approximation = {tried.order, tried.opening, error};
   trial.cost =
       whole * (cost_on_sample / sums[TARGETS] + PARTICLE_COST_OF_COEFFICIENT * expansion->count);
   return trial;
@@ -371,15 +374,19 @@ double AllPairsSum::cost_of_direct_sum() const
   return MUTUAL_COST * all * all;
 }
 
-// Takes a way to sum from here on, and says so where it is not the one before.
-void AllPairsSum::use(const Approximation &chosen, double cost)
+// Takes a way to sum from here on, and says so where it is not the one before; returns whether it
+// is news.
+bool AllPairsSum::use(const Approximation &chosen, double cost)
 {
-  const bool changes = chosen.order != used.order || chosen.opening != used.opening;
-  const bool is_news = changes || !is_announced;
+  const bool is_news =
+      chosen.order != used.order || chosen.opening != used.opening || !is_announced;
   is_announced = true;
   used = chosen;
-  if (used.order > 0) expansion = std::make_unique<CartesianExpansion>(used.order);
-  if (comm->me != 0 || !is_news) return;
+  if (used.order > 0)
+    expansion = std::make_unique<CartesianExpansion>(used.order);
+  else
+    trees.clear();
+  if (comm->me != 0 || !is_news) return is_news;
   utils::logmesg(lmp, "Near field at step {}: ", update->ntimestep);
   if (used.order == 0)
     utils::logmesg(lmp, "direct sum over all pairs\n");
@@ -388,6 +395,7 @@ void AllPairsSum::use(const Approximation &chosen, double cost)
                    "tree of order {}, opening {:g}, error {:.2g} of the force (asked: {:g}), "
                    "work {:.2g} of the direct sum's\n",
                    used.order, used.opening, used.error, accuracy, cost / cost_of_direct_sum());
+  return is_news;
 }
 
 double AllPairsSum::memory_usage() const

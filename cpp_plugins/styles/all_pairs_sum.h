@@ -67,7 +67,7 @@ private:
   bool find_cheapest_trial(Trial &);
   Trial try_rung(int rung);
   double cost_of_direct_sum() const;
-  void use(const Approximation &, double cost);
+  bool use(const Approximation &, double cost);
   double sum_directly();
   double sum_block(Range);
   double sum_blocks(Range, Range);

@@ -239,6 +239,9 @@ void PairBlastContact::compute(int eflag, int vflag)
   const bool keeps = keeps_contacts || evflag;
   shares.resize(threads);
   contacts.resize(threads);
+  // What a thread may change are the particles between the first and the last of its run.
+  if (threads > 1 && neighbor->ago == 0 && !std::is_sorted(list->ilist, list->ilist + list->inum))
+    error->one(FLERR, "{} with threads needs a neighbor list in the order of atoms", STYLE);
   in_threads(threads, list->inum, [this, keeps](int thread, int first, int end) {
     // Its own, while it is at work: threads slow each other down where their memory adjoins.
     ThreadShare share = std::move(shares[thread]);

@@ -76,6 +76,7 @@ void PairBlastNearField::settings(int narg, char **arg)
     error->all(FLERR, "Unknown {} scaling: {} (mass, area, volume or charge)", STYLE, arg[1]);
 
   switch_width = accuracy = 0.0;
+  std::fill(pvector, pvector + APPROXIMATION_NUMBERS, 0.0);
   method = SummationMethod::direct;
   signs.clear();
   for (int iarg = 2; iarg < narg; iarg += 2) {
@@ -128,8 +129,10 @@ void PairBlastNearField::set_up_sum()
   sum.reset();
   if (all_pairs)
     sum = std::make_unique<AllPairsSum>(
-        lmp, method, accuracy,
-        [this](int itype, int jtype) -> const NearField & { return field(itype, jtype); });
+        lmp, method, accuracy, [this](int itype, int jtype) -> const NearField & {
+          static const NearField none;
+          return is_ours[itype * (types + 1) + jtype] ? field(itype, jtype) : none;
+        });
 }
 
 void PairBlastNearField::coeff(int narg, char **arg)
@@ -179,6 +182,7 @@ void PairBlastNearField::init_style()
     if (!on_ghosts && !all_pairs)
       error->all(FLERR, "{}: fix property/atom of {} needs: ghost yes", STYLE, signs);
   }
+  is_ours.assign((types + 1) * (types + 1), 0);
   if (!all_pairs) {
     neighbor->add_request(this);
   } else if (domain->xperiodic || domain->yperiodic || domain->zperiodic) {
@@ -191,6 +195,7 @@ double PairBlastNearField::init_one(int i, int j)
   if (!setflag[i][j])
     error->all(FLERR, "{} does not mix: give a pair_coeff for types {} and {}", STYLE, i, j);
   field(j, i) = field(i, j);
+  is_ours[i * (types + 1) + j] = is_ours[j * (types + 1) + i] = 1;
   return field(i, j).cutoff;
 }
 

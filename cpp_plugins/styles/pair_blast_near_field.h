@@ -55,6 +55,7 @@ private:
   std::string signs; // name of a per-atom property, or empty
   int types = 0;
   std::vector<blast::NearField> fields;
+  std::vector<char> is_ours;   // by types, whether a hybrid style leaves the pair to this one
   std::vector<double> factors; // by local index, ghosts too
   SummationMethod method = SummationMethod::direct;
   double accuracy = 0.0; // of a sum that need not be direct

@@ -58,7 +58,7 @@ def _error_rows(tell: Callable[[str], None]) -> list[Row]:
         momentum = float(np.abs(forces.sum(axis=0)).max() / np.abs(forces).sum(axis=0).max())
         rows.append(
             Row(
-                f"error of {COUNT:,} forces by tree",
+                f"error of {COUNT:,} forces by tree, asked: {accuracy:g}",
                 Samples((error,)),
                 "accuracy asked for",
                 accuracy,

@@ -33,7 +33,9 @@ class Row:
     goal
         The least ratio that will do. None: there is no goal, the row is for information.
     details
-        The parts that add up to one measurement of `ours`, in the same unit.
+        Other numbers to be told with it, by what they are.
+    parts
+        What `ours` is made up of, in the same unit.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Row:
     goal: float | None = None
     remark: str = ""
     details: Mapping[str, float] = field(default_factory=dict)
+    parts: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def other_best(self) -> float | None:

@@ -30,6 +30,9 @@ def print_table(rows: Sequence[Row], machine: Mapping[str, Any], console: Consol
     console.print(table)
     for row in rows:
         if row.details:
+            numbers = ", ".join(f"{name} {value:.3g}" for name, value in row.details.items())
+            console.print(f"{row.name}: {numbers}", highlight=False)
+        if row.parts:
             console.print(_parts_table(row))
 
 
@@ -37,8 +40,8 @@ def _parts_table(row: Row) -> Table:
     table = Table(title=f"{row.name}: where it goes", title_justify="left")
     for heading in ("part", row.unit, "share"):
         table.add_column(heading, justify="left" if heading == "part" else "right")
-    whole = sum(row.details.values())
-    for name, value in (*row.details.items(), ("together", whole)):
+    whole = sum(row.parts.values())
+    for name, value in (*row.parts.items(), ("together", whole)):
         table.add_row(name, f"{value:.2f}", f"{value / whole:.1%}")
     return table
 
@@ -97,4 +100,5 @@ def _record(row: Row) -> dict[str, Any]:
         "ours_samples": row.ours.values,
         "other_samples": row.other.values if isinstance(row.other, Samples) else None,
         "details": dict(row.details),
+        "parts": dict(row.parts),
     }

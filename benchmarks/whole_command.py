@@ -31,7 +31,7 @@ def command_rows(repeats: int, tell: Callable[[str], None]) -> list[Row]:
         LIMIT,
         "s",
         goal=1.0,
-        details=stage_seconds(),
+        parts=stage_seconds(),
     )
     return [row]
 

@@ -206,6 +206,13 @@ void AllPairsSum::grow_trees()
   }
 }
 
+void AllPairsSum::expand_trees()
+{
+  for (size_t g = 0; g < trees.size(); g++)
+    if (!particles.groups[g].empty())
+      trees[g].expand(particles.sources, *expansion, comm->nthreads);
+}
+
 // Whole leaves, as many on each rank.
 Range AllPairsSum::share_of(const NearFieldTree &tree) const
 {
@@ -218,9 +225,7 @@ double AllPairsSum::sum_by_tree(bool energies)
   double nearest = INFINITY;
   SummationWork work;
   const int groups = static_cast<int>(trees.size());
-  for (int g = 0; g < groups; g++)
-    if (!particles.groups[g].empty())
-      trees[g].expand(particles.sources, *expansion, comm->nthreads);
+  expand_trees();
   for (int g = 0; g < groups; g++) {
     const Range share = particles.groups[g].empty() ? Range{0, 0} : share_of(trees[g]);
     for (int h = 0; h < groups; h++) {
@@ -326,9 +331,7 @@ AllPairsSum::Trial AllPairsSum::try_rung(int number)
   approximate.clear(particles.count());
   SummationWork work;
   const int groups = static_cast<int>(trees.size());
-  for (int g = 0; g < groups; g++)
-    if (!particles.groups[g].empty())
-      trees[g].expand(particles.sources, *expansion, comm->nthreads);
+  expand_trees();
 
   enum { ERROR_SQUARE, FORCE_SQUARE, NEAR, FAR, TARGETS, SUMS };
   double sums[SUMS] = {};

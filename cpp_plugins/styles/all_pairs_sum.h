@@ -60,6 +60,7 @@ private:
   const blast::NearField &field_between(int group, int other) const;
   Range share_of(const NearFieldTree &) const;
   void grow_trees();
+  void expand_trees();
   bool is_time_to_choose() const;
   void choose();
   void sample_leaves();

@@ -2,7 +2,6 @@
 
 #include "inverse_root.h"
 #include "near_field_powers.h"
-#include "vector3.h"
 #include "vector_clones.h"
 
 #include <algorithm>
@@ -35,11 +34,6 @@ namespace {
 // So many sources, with what they feel, stay in the nearest cache while all targets pass by.
 constexpr int SOURCES_AT_ONCE = 256;
 
-BLAST_INLINE Vector3 place(const FieldSources &sources, int k)
-{
-  return {sources.x[k], sources.y[k], sources.z[k]};
-}
-
 BLAST_INLINE void add(FieldForces &forces, int k, const Vector3 &force)
 {
   forces.x[k] += force.x;
@@ -63,7 +57,7 @@ BLAST_INLINE double sum_rows(const Law &law, const FieldSources &targets, int ta
   double *__restrict fz = MUTUAL ? on_sources->z.data() : nullptr;
   const Root inverse_root{};
   const int other = target + TARGETS - 1;
-  const Vector3 a = place(targets, target), b = place(targets, other);
+  const Vector3 a = targets.place(target), b = targets.place(other);
   const double factor_a = targets.factor[target], factor_b = targets.factor[other];
   double ax = 0.0, ay = 0.0, az = 0.0, bx = 0.0, by = 0.0, bz = 0.0, nearest = INFINITY;
 #pragma omp simd reduction(+ : ax, ay, az, bx, by, bz) reduction(min : nearest)
@@ -241,7 +235,7 @@ BLAST_VECTOR_CLONES void sum_potential_from(const NearField &field, const FieldS
     for (int i = target_range.begin; i < target_range.end; i++) {
       const bool is_source = among_themselves && i >= source_range.begin && i < source_range.end;
       const int end = is_source ? i : source_range.end;
-      const Vector3 target = place(targets, i);
+      const Vector3 target = targets.place(i);
       potential[i] += potential_in(law, target, sources, {source_range.begin, end});
       if (is_source) potential[i] += potential_in(law, target, sources, {i + 1, source_range.end});
     }

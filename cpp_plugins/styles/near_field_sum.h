@@ -4,6 +4,7 @@
 #define BLAST_STYLES_NEAR_FIELD_SUM_H
 
 #include "near_field.h"
+#include "vector3.h"
 
 #include <cstddef>
 #include <vector>
@@ -17,6 +18,7 @@ struct FieldSources {
 
   void resize(size_t count);
   void set(size_t k, const double *position, double factor);
+  blast::Vector3 place(int k) const { return {x[k], y[k], z[k]}; }
 };
 
 // A run of consecutive particles.

@@ -51,23 +51,18 @@ void halve(std::vector<Placed> &particles, Range range, int levels, int cell,
   halve(particles, {middle, range.end}, levels - 1, 2 * cell + 2, cells);
 }
 
-Vector3 place(const FieldSources &particles, int k)
-{
-  return {particles.x[k], particles.y[k], particles.z[k]};
-}
-
 void enclose_particles(const FieldSources &particles, Cell &leaf)
 {
   const Range range = leaf.particles;
-  leaf.low = leaf.high = place(particles, range.begin);
+  leaf.low = leaf.high = particles.place(range.begin);
   for (int k = range.begin; k < range.end; k++) {
-    leaf.low = lowest(leaf.low, place(particles, k));
-    leaf.high = highest(leaf.high, place(particles, k));
+    leaf.low = lowest(leaf.low, particles.place(k));
+    leaf.high = highest(leaf.high, particles.place(k));
   }
   leaf.centre = 0.5 * (leaf.low + leaf.high);
   leaf.radius = 0.0;
   for (int k = range.begin; k < range.end; k++)
-    leaf.radius = std::fmax(leaf.radius, norm(place(particles, k) - leaf.centre));
+    leaf.radius = std::fmax(leaf.radius, norm(particles.place(k) - leaf.centre));
 }
 
 void enclose_halves(const Cell &a, const Cell &b, Cell &whole)

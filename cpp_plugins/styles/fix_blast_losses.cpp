@@ -291,7 +291,8 @@ double FixBlastLosses::memory_usage()
 
 void FixBlastLosses::write_restart(FILE *fp)
 {
-  counted_by_now().write_restart(fp, world);
+  close_step();
+  tally.write_restart(fp, world);
 }
 
 void FixBlastLosses::restart(char *buffer)

@@ -41,10 +41,10 @@ from lammps_blast.deck import (
     CONTACT_TABLE,
     ENERGY_ACCOUNTS,
     ENERGY_TABLE,
+    LOG,
     STEP_TABLE,
     counted,
 )
-from lammps_blast.engine import LOG
 from lammps_blast.neighbours import pair_blocks
 from lammps_blast.pair_histories import FEW_PARTICLES, PairHistories
 from lammps_blast.relaxation import RelaxationReport
@@ -530,13 +530,15 @@ def _without_nan(value: Any) -> Any:
 
 
 def wall_seconds_of(log: Path) -> float | None:
-    """Return the seconds that the longest run in LAMMPS's log took; None without one."""
+    """Return the seconds that the run in LAMMPS's log took, in all its parts; None without one."""
     try:
         text = log.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return None
-    loops = re.findall(r"^Loop time of (\S+) on \d+ procs for (\d+) steps", text, re.M)
-    return max((float(seconds) for seconds, steps in loops if steps != "0"), default=None)
+    after_relaxation = text[text.rfind("\nRelaxed packing: steps ") + 1 :]
+    loops = re.findall(r"^Loop time of (\S+) on \d+ procs for (\d+) steps", after_relaxation, re.M)
+    parts = [float(seconds) for seconds, steps in loops if steps != "0"]
+    return sum(parts) if parts else None
 
 
 def report(summary: Mapping[str, Any]) -> str:

@@ -104,7 +104,7 @@ void FixBlastLosses::init()
 void FixBlastLosses::setup(int vflag)
 {
   // Bonds that are there at the start are part of it.
-  if (pair) heat_counted = pair->formation_heat;
+  if (pair) pair->formation_heat = heat_counted = 0.0;
   post_force(vflag);
 }
 

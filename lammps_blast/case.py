@@ -861,15 +861,16 @@ def _in_steps(steps: int, time: Time) -> float:
     return float(f"{steps * time.step:.12g}")
 
 
-def load_case(path: Path, *, duration: float | None = None) -> Case:
+def load_case(path: Path, *, of_run: Case | None = None) -> Case:
     """Read a case file.
 
     Parameters
     ----------
     path
         The file.
-    duration
-        A simulated time (s) that takes the place of the file's own.
+    of_run
+        The case of a run that may have come from this file: its duration takes the place of the
+        file's own, and its intervals of output that of those that the file leaves open.
 
     Raises
     ------
@@ -890,11 +891,19 @@ def load_case(path: Path, *, duration: float | None = None) -> Case:
     except UnicodeDecodeError:
         raise CaseError(f"{shown_path(path)}: not a text file in UTF-8") from None
     content = _parse_yaml(text)
-    if duration is not None and isinstance(content, Mapping):
-        section = content.get("time")
-        if isinstance(section, Mapping):
-            content = {**content, "time": {**section, "duration": duration}}
+    if of_run is not None and isinstance(content, Mapping):
+        content = _with_times_of(of_run, content)
     return parse_case(content, path.parent)
+
+
+def _with_times_of(run: Case, content: Mapping[str, Any]) -> Mapping[str, Any]:
+    sections = {key: content.get(key) or {} for key in ("time", "output")}
+    if not all(isinstance(section, Mapping) for section in sections.values()):
+        return content
+    given = {key: value for key, value in sections["output"].items() if value is not None}
+    kept = {key: getattr(run.output, key) for key in ("interval", "restart_interval")}
+    time = {**sections["time"], "duration": run.time.duration}
+    return {**content, "time": time, "output": kept | given}
 
 
 def parse_case(source: str | Mapping[str, Any] | None, folder: Path) -> Case:

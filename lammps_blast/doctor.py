@@ -592,7 +592,19 @@ def check_plugin(patient: Patient) -> Finding:
         reason = said.group(1) if said else result.get("load_error", "")
         trouble = reason or f"styles missing: {', '.join(result['missing'])}"
         return bad(f"{text}: not loaded", reinstall(patient), trouble)
-    return Finding(f"{text}, for LAMMPS {result['version']}, all styles known")
+    text += f", for LAMMPS {result['version']}, all styles known"
+    others = _other_plugins(file)
+    if others:
+        trouble = f"LAMMPS_PLUGIN_PATH names another one, in {', '.join(others)}"
+        return doubtful(text, "unset LAMMPS_PLUGIN_PATH", trouble)
+    return Finding(text)
+
+
+def _other_plugins(file: Path) -> list[str]:
+    """Return the folders of the environment that LAMMPS would load a second such plugin from."""
+    folders = os.environ.get("LAMMPS_PLUGIN_PATH", "").split(":")
+    files = {folder: Path(folder, PLUGIN_FILE) for folder in folders if folder}
+    return [folder for folder, f in files.items() if f.is_file() and not f.samefile(file)]
 
 
 def check_text_reader(patient: Patient) -> Finding:

@@ -19,19 +19,17 @@ import platform
 import re
 import shlex
 import shutil
-import signal
 import subprocess
 import sys
 import sysconfig
-import tempfile
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from lammps_blast.examination import Outcome, run_side_by_side
 from lammps_blast.plugin_folder import PLUGIN_FILE, plugin_folder
 
 DISTRIBUTION = "lammps-blast"
@@ -124,85 +122,6 @@ def doubtful(text: str, cure: str = "", trouble: str = "") -> Finding:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """How a process ended: what it wrote to its two outputs, and what went wrong, if anything."""
-
-    output: str = ""
-    errors: str = ""
-    failure: str = ""
-
-    @property
-    def reason(self) -> str:
-        """The failure with the line that says most of it: the last that names an error, or last."""
-        lines = [line.strip() for line in self.errors.splitlines() if re.search(r"\w", line)]
-        said = [line for line in lines if "error" in line.lower()] or lines
-        return f"{self.failure}: {said[-1]}" if said else self.failure
-
-
-class Examination:
-    """A command that runs in a process of its own, for a limited time, and its children with it."""
-
-    def __init__(self, command: Sequence[str], folder: Path) -> None:
-        # Files rather than pipes: a grandchild that survives must not keep the doctor waiting.
-        self._output = tempfile.TemporaryFile()  # noqa: SIM115
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115
-        self._process = subprocess.Popen(
-            command,
-            cwd=folder,
-            # Other numbers of threads are the patient's choice, and may be too many.
-            env={**os.environ, "OMP_NUM_THREADS": "1"},
-            stdin=subprocess.DEVNULL,
-            stdout=self._output,
-            stderr=self._errors,
-            start_new_session=True,
-        )
-        self._stopped = False
-
-    def outcome(self, deadline: float, limit: float) -> Outcome:
-        """Wait for the end or until `deadline` on the monotonic clock, and return what came."""
-        failure = ""
-        try:
-            status = self._process.wait(max(0.0, deadline - time.monotonic()))
-        except subprocess.TimeoutExpired:
-            more = f"on a busy machine, give more: --time-limit {4 * limit:g}"
-            failure = f"no answer within {limit:g} s ({more})"
-        else:
-            if status < 0:
-                failure = f"crashed ({_signal_name(-status)})"
-            elif status > 0:
-                failure = f"failed with exit status {status}"
-        self.stop()
-        return Outcome(self._text(self._output), self._text(self._errors), failure)
-
-    def stop(self) -> None:
-        """End what is left of the process and its children."""
-        if self._stopped:
-            return
-        self._stopped = True
-        self._signal(signal.SIGTERM)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(1.0)
-        self._signal(signal.SIGKILL)
-        self._process.wait()
-
-    def _signal(self, number: int) -> None:
-        with contextlib.suppress(OSError):
-            os.killpg(self._process.pid, number)
-
-    @staticmethod
-    def _text(file: Any) -> str:
-        file.seek(0)
-        return file.read().decode(errors="replace")
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return f"signal {number}"
-
-
-@dataclass(frozen=True)
 class Installation:
     """The installed distribution.
 
@@ -290,33 +209,9 @@ def examine(time_limit: float) -> Patient:
     if mpiexec and lmp:
         lammps = [lmp, "-in", "in.ranks", "-log", "none", "-nocite"]
         commands["ranks"] = [mpiexec, "-n", "2", *lammps]
-    outcomes = _outcomes(commands, time_limit)
+    outcomes = run_side_by_side(commands, {"in.ranks": RANKS_INPUT}, time_limit)
     stages = _stages(outcomes["self_test"])
     return Patient(find_installation(), mpiexec, lmp, stages=stages, **outcomes)
-
-
-def _outcomes(commands: dict[str, Sequence[str] | None], time_limit: float) -> dict[str, Outcome]:
-    """Run commands side by side in an empty folder; None stands for one that cannot be run."""
-    outcomes = {name: Outcome(failure="not run") for name in commands}
-    running: dict[str, Examination] = {}
-    try:
-        with tempfile.TemporaryDirectory() as place:
-            folder = Path(place)
-            (folder / "in.ranks").write_text(RANKS_INPUT)
-            deadline = time.monotonic() + time_limit
-            try:
-                for name, command in commands.items():
-                    if command:
-                        running[name] = Examination(command, folder)
-                for name, examination in running.items():
-                    outcomes[name] = examination.outcome(deadline, time_limit)
-            finally:
-                for examination in running.values():
-                    examination.stop()
-    except OSError as error:
-        failed = Outcome(failure=f"cannot be run: {error}")
-        return {name: failed if o.failure == "not run" else o for name, o in outcomes.items()}
-    return outcomes
 
 
 def _python(code: str) -> list[str]:
@@ -339,9 +234,6 @@ def find_program(name: str) -> str | None:
     """Return a program of the PATH, else the one beside this Python, else None."""
     beside = Path(sys.executable).parent / name
     return shutil.which(name) or (str(beside) if os.access(beside, os.X_OK) else None)
-
-
-# What to type.
 
 
 def pip_install(*words: str) -> str:
@@ -383,9 +275,6 @@ def shown(path: str | Path) -> str:
 def _first_bad(patient: Patient, *checks: Callable[[Patient], Finding]) -> Finding | None:
     """Return the first bad finding of some checks: what others fail for."""
     return next((f for f in (check(patient) for check in checks) if f.verdict is Verdict.BAD), None)
-
-
-# The checks.
 
 
 def check_python(patient: Patient) -> Finding:
@@ -563,6 +452,7 @@ def check_ranks(patient: Patient) -> Finding:
         deeper = _first_bad(patient, check_lammps, check_plugin)
         cure = deeper.cure if deeper else _mpi_cure() if own else activate
         if "on 1 procs for 10 steps" in ranks.output:
+            cure = activate
             trouble = "the ranks do not see each other: this mpiexec is not of LAMMPS's MPI"
         else:
             said = re.findall(r"ERROR.*", ranks.output + ranks.errors)
@@ -590,8 +480,8 @@ def check_plugin(patient: Patient) -> Finding:
     said = re.search(r"lammps-blast plugin: (.+)", patient.self_test.errors)
     if result["missing"]:
         reason = said.group(1) if said else result.get("load_error", "")
-        trouble = reason or f"styles missing: {', '.join(result['missing'])}"
-        return bad(f"{text}: not loaded", reinstall(patient), trouble)
+        trouble = reason or f"LAMMPS does not know {', '.join(result['missing'])}"
+        return bad(f"{text}: styles missing", reinstall(patient), trouble)
     text += f", for LAMMPS {result['version']}, all styles known"
     others = _other_plugins(file)
     if others:
@@ -655,9 +545,11 @@ def check_vectors(patient: Patient) -> Finding:
     widest = processor_level()
     text = f"{widest} ({VECTOR_NAMES.get(widest, 'SSE2')}) in the processor"
     if used is None:
-        plugin = check_plugin(patient)
-        cure = plugin.cure or reinstall(patient)
-        return doubtful(f"{text}, unknown in the plugin", cure, plugin.trouble or plugin.text)
+        text += ", unknown in the plugin"
+        plugin = _first_bad(patient, check_plugin)
+        if plugin:
+            return doubtful(text, plugin.cure, plugin.trouble or plugin.text)
+        return doubtful(text, reinstall(patient), "the plugin does not tell its vectors")
     text += f", {used} in the plugin"
     if widest in ("x86-64-v4", "x86-64-v3") and used != widest:
         cure = f"CXX=g++ {reinstall(patient)}   (GCC 12 or newer)"
@@ -756,9 +648,6 @@ def diagnose(patient: Patient) -> dict[str, Finding]:
     return findings
 
 
-# The output.
-
-
 def show(findings: dict[str, Finding]) -> None:
     """Print the table, then what is wrong and its cures."""
     _print_table(findings)
@@ -822,6 +711,9 @@ def main(argv: list[str] | None = None) -> int:
         show(findings)
     except KeyboardInterrupt:
         return 130
+    except Exception as error:  # a doctor has no tracebacks
+        print(f"the doctor failed: {type(error).__name__}: {error}", file=sys.stderr)
+        return 1
     return int(any(finding.verdict is Verdict.BAD for finding in findings.values()))
 
 

@@ -24,7 +24,7 @@ from lammps_blast.plugin_folder import PLUGIN_FILE, plugin_folder
 from lammps_blast.text_columns import LIBRARY_FILE, read_text_columns
 
 STYLES = {
-    "command": ("blast_pulse",),
+    "command": ("blast_pulse", "blast_write_restart", "blast_read_restart"),
     "pair": ("blast/contact", "blast/nearfield"),
     "fix": (
         "lorentz/drag",
@@ -33,6 +33,8 @@ STYLES = {
         "BLAST/BONDS",
         "blast/losses",
         "blast/watch",
+        "blast/restart",
+        "blast/table",
     ),
     "compute": ("lorentz/drag/atom", "blast/contact/local"),
 }
@@ -100,10 +102,9 @@ def load_plugin() -> dict[str, Any]:
             "missing": missing,
         }
         try:
-            plugin = ctypes.CDLL(str(Path(plugin_folder(), PLUGIN_FILE)))
-        except OSError as error:
+            level = ctypes.CDLL(str(Path(plugin_folder(), PLUGIN_FILE))).lammps_blast_vector_level
+        except (OSError, AttributeError) as error:
             return {**found, "load_error": str(error)}
-        level = plugin.lammps_blast_vector_level
         level.restype = ctypes.c_char_p
         return {**found, "vectors": level().decode()}
 

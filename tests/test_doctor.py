@@ -15,7 +15,8 @@ import pytest
 from conftest import PROGRAMS, REPOSITORY
 
 from lammps_blast import doctor, self_test
-from lammps_blast.doctor import Examination, Installation, Outcome, Patient, Verdict
+from lammps_blast.doctor import Installation, Patient, Verdict
+from lammps_blast.examination import Examination, Outcome
 from lammps_blast.plugin_folder import PLUGIN_FILE, plugin_folder
 from lammps_blast.text_columns import LIBRARY_FILE
 

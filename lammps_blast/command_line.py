@@ -9,6 +9,7 @@ commands:
   theory   print a case's derived numbers        (python -m lammps_blast.theory)
   analyze  analyse a run folder or a dump        (python -m lammps_blast.analyze)
   deck     write a case's LAMMPS deck and data   (python -m lammps_blast.deck)
+  doctor   look over the installation            (python -m lammps_blast.doctor)
 
 `lammps-blast COMMAND --help` tells more."""
 
@@ -25,6 +26,8 @@ def main(argv: list[str] | None = None) -> int:
         from lammps_blast.analyze import main as chosen
     elif command == "deck":
         from lammps_blast.deck import main as chosen
+    elif command == "doctor":
+        from lammps_blast.doctor import main as chosen
     else:
         print(USAGE, file=sys.stdout if command in ("-h", "--help") else sys.stderr)
         return 0 if command in ("-h", "--help") else 2

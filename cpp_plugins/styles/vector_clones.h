@@ -34,6 +34,16 @@ inline bool has_wide_vectors()
 #endif
 }
 
+// The version of the marked functions that this processor gets.
+inline const char *vector_level()
+{
+#ifdef BLAST_VECTOR_CLONES_WORK
+  if (has_wide_vectors()) return "x86-64-v4";
+  if (__builtin_cpu_supports("x86-64-v3")) return "x86-64-v3";
+#endif
+  return "default";
+}
+
 } // namespace LAMMPS_NS
 
 #endif

@@ -276,7 +276,7 @@ def test_relative_links_lead_somewhere(page):
             assert anchor in anchors(linked), f"{name_of(page)}: {target}"
 
 
-@pytest.mark.parametrize("name", ["case.md", "styles.md", "physics.md", "performance.md"])
+@pytest.mark.parametrize("name", ["case.md", "styles.md", "physics.md", "performance.md", "hpc.md"])
 def test_lines_are_not_long(name):
     for number, line in enumerate((DOCS / name).read_text(encoding="utf-8").splitlines(), 1):
         assert len(line) <= 120 or line.startswith("|"), f"{name}, line {number}"

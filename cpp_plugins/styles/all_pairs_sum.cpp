@@ -71,8 +71,7 @@ bool same_law(const NearField &a, const NearField &b)
 AllPairsSum::AllPairsSum(LAMMPS *lmp, SummationMethod method_, double accuracy_,
                          FieldOfTypes field_of_types_)
     : Pointers(lmp), method(method_), accuracy(accuracy_), field_of_types(field_of_types_),
-      particles(lmp),
-      rung(first_rung())
+      particles(lmp), rung(first_rung())
 {
 }
 

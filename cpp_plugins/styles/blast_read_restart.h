@@ -1,5 +1,5 @@
-// blast_read_restart: goes on from the newest whole restart file of blast_write_restart, and cuts the
-// output files of the run back to what they held then.
+// blast_read_restart: goes on from the newest whole restart file of blast_write_restart, and cuts
+// the output files of the run back to what they held then.
 
 #ifndef BLAST_STYLES_BLAST_READ_RESTART_H
 #define BLAST_STYLES_BLAST_READ_RESTART_H

@@ -24,8 +24,7 @@ static constexpr char STYLE[] = "Blast_write_restart";
 
 void BlastWriteRestart::command(int narg, char **arg)
 {
-  if (!domain->box_exist)
-    error->all(FLERR, "{} command before simulation box is defined", STYLE);
+  if (!domain->box_exist) error->all(FLERR, "{} command before simulation box is defined", STYLE);
   read_arguments(narg, arg);
   const RestartNotes notes_of_now = notes();
 
@@ -86,7 +85,8 @@ RestartNotes BlastWriteRestart::notes()
 {
   RestartNotes notes;
   notes.add("step", std::to_string(update->ntimestep));
-  notes.add("clock", fmt::format("{:.17g} {} {:.17g}", update->atime, update->atimestep, update->dt));
+  notes.add("clock",
+            fmt::format("{:.17g} {} {:.17g}", update->atime, update->atimestep, update->dt));
   notes.add("ranks", fmt::format("{} {} {} {}", comm->nprocs, comm->procgrid[0], comm->procgrid[1],
                                  comm->procgrid[2]));
   notes.add("least_box", fmt::format("{:.17g} {:.17g} {:.17g} {:.17g} {:.17g} {:.17g}",
@@ -111,8 +111,7 @@ void BlastWriteRestart::note_outputs(RestartNotes &notes) const
     for (const auto &name : names) {
       std::error_code failure;
       const auto size = std::filesystem::file_size(name, failure);
-      if (failure)
-        error->one(FLERR, "{}: output file {}: {}", STYLE, name, failure.message());
+      if (failure) error->one(FLERR, "{}: output file {}: {}", STYLE, name, failure.message());
       notes.add(keyword, fmt::format("{} {}", size, name));
     }
   };

@@ -25,7 +25,8 @@ template <int CHANNELS> struct EnergyTally {
     return sum;
   }
 
-  // A run that goes on from a restart file has all of it there, and adds up alike if others do, too.
+  // A run that goes on from a restart file has all of it there, and adds up alike if others do,
+  // too.
   void gather_on_first_rank(MPI_Comm world)
   {
     int me;

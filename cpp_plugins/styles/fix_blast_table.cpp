@@ -77,8 +77,8 @@ void FixBlastTable::end_of_step()
   std::string row = fmt::format("{:.17g}", simulated_time(*update));
   modify->clearstep_compute();
   for (const auto &column : columns)
-    row += fmt::format(
-        ",{:.17g}", input->variable->compute_equal(input->variable->find(column.c_str())));
+    row += fmt::format(",{:.17g}",
+                       input->variable->compute_equal(input->variable->find(column.c_str())));
   modify->addstep_compute(update->ntimestep + nevery);
   if (comm->me != 0) return;
   fprintf(file, "%s\n", row.c_str());

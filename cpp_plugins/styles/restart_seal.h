@@ -1,5 +1,5 @@
-// What a restart file of this package ends with, after all that LAMMPS wrote: notes, one a line, and
-// a seal, which tells a whole file from a damaged one. LAMMPS reads the file as its own.
+// What a restart file of this package ends with, after all that LAMMPS wrote: notes, one a line,
+// and a seal, which tells a whole file from a damaged one. LAMMPS reads the file as its own.
 
 #ifndef BLAST_STYLES_RESTART_SEAL_H
 #define BLAST_STYLES_RESTART_SEAL_H

@@ -45,6 +45,7 @@ from lammps_blast.deck import (
     counted,
 )
 from lammps_blast.engine import LOG
+from lammps_blast.input_files import NUMBER, mapped
 from lammps_blast.neighbours import pair_blocks
 from lammps_blast.pair_histories import FEW_PARTICLES, PairHistories
 from lammps_blast.relaxation import RelaxationReport
@@ -78,6 +79,8 @@ FIGURES = (
 
 TRACKED_PARTICLES = 6
 DISTANCE_FRAMES = 3
+
+_LOOP_TIME = re.compile(rb"^Loop time of " + NUMBER + rb" on \d+ procs for (\d+) steps", re.M)
 
 # What a run must keep to, as parts of the energy turned over or of the envelope's size.
 LEDGER_LIMIT = 1e-6
@@ -532,11 +535,11 @@ def _without_nan(value: Any) -> Any:
 def wall_seconds_of(log: Path) -> float | None:
     """Return the seconds that the longest run in LAMMPS's log took; None without one."""
     try:
-        text = log.read_text(encoding="utf-8", errors="replace")
+        with mapped(log) as text:
+            loops = (found.groups() for found in _LOOP_TIME.finditer(text))
+            return max((float(seconds) for seconds, steps in loops if steps != b"0"), default=None)
     except OSError:
         return None
-    loops = re.findall(r"^Loop time of (\S+) on \d+ procs for (\d+) steps", text, re.M)
-    return max((float(seconds) for seconds, steps in loops if steps != "0"), default=None)
 
 
 def report(summary: Mapping[str, Any]) -> str:

@@ -69,4 +69,7 @@ class StepHistory:
         names, table = read_table(path, "a table of steps")
         if names != COLUMNS:
             raise AnalysisError(f"{path}: not a table of steps of this version")
-        return cls(*table.T)
+        history = cls(*table.T)
+        if not (np.isfinite(table).all() and (history.step > 0.0).all()):
+            raise AnalysisError(f"{path}: damaged: a step that is not a length of time")
+        return history

@@ -617,7 +617,10 @@ class EnergyLedger:
         own = ("time", *ENERGY_ACCOUNTS)
         if names[: len(own)] != own:
             raise AnalysisError(f"{path}: not an energy table of this version")
-        return cls(*table.T[: len(own)])
+        ledger = cls(*table.T[: len(own)])
+        if not (np.isfinite(ledger.times) & (ledger.times >= 0.0)).all():
+            raise AnalysisError(f"{path}: damaged: a time that is negative or no number")
+        return ledger
 
 
 def read_table(path: Path, what: str) -> tuple[tuple[str, ...], np.ndarray]:

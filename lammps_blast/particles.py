@@ -26,7 +26,7 @@ from lammps_blast.case import (
     shown_path,
 )
 from lammps_blast.input_files import lines_of_numbers, regular_files_only
-from lammps_blast.resource_limits import BYTES_TO_PACK, check_memory, most_particles
+from lammps_blast.resource_limits import BYTES_TO_PACK, memory_shortage, most_particles
 
 FloatArray = NDArray[np.float64]
 
@@ -128,7 +128,8 @@ def create_particles(case: Case) -> Particles:
 def _particles_of(case: Case) -> Particles:
     section = case.particles
     if isinstance(section, PackedParticles):
-        check_memory("particles.count", section.count, BYTES_TO_PACK)
+        if shortage := memory_shortage(section.count, BYTES_TO_PACK):
+            raise PackingError(f"particles.count: {shortage}")
         _check_magnitudes(section.radius, section.density, section.charge_per_mass)
         particles = _pack(section, np.random.default_rng(case.seed))
     else:
@@ -551,8 +552,8 @@ def _read_table(stream: TextIO) -> _Table:
             if len(row) == len(header) and _is_in_range(row, header):
                 values.extend(row)
                 lines.append(reader.line_num)
-                if len(lines) > most:
-                    check_memory("the file", len(lines), BYTES_TO_PACK)
+                if len(lines) > most and (shortage := memory_shortage(len(lines), BYTES_TO_PACK)):
+                    raise CaseError(shortage)
             else:
                 problems += (
                     f"line {reader.line_num}: {text}" for text in _row_problems(fields, header)

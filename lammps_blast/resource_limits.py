@@ -69,28 +69,22 @@ def most_particles(bytes_each: int) -> int:
     return memory_limit() // bytes_each
 
 
-def check_memory(key: str, count: int, bytes_each: int) -> None:
-    """Refuse particles for which there is not memory enough.
+def memory_shortage(count: int, bytes_each: int) -> str | None:
+    """Return why there cannot be so many particles, None if there is memory for them.
 
     Parameters
     ----------
-    key
-        What in the case asks for them.
     count
         Their number.
     bytes_each
         :data:`BYTES_TO_PACK` or :data:`BYTES_TO_RUN`.
-
-    Raises
-    ------
-    CaseError
-        It tells how much they need and how much there is.
     """
-    if count > most_particles(bytes_each):
-        raise CaseError(
-            f"{key}: {count} particles need at least {_amount(count * bytes_each)} of memory, and "
-            f"{_amount(memory_limit())} can be had here; take fewer, or a larger machine"
-        )
+    if count <= most_particles(bytes_each):
+        return None
+    return (
+        f"{count} particles need at least {_amount(count * bytes_each)} of memory, and "
+        f"{_amount(memory_limit())} can be had here; take fewer, or a larger machine"
+    )
 
 
 def output_bytes(case: Case, count: int) -> int:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lammps_blast.analysis import AnalysisError, read_table
+from lammps_blast.case import LARGEST_SIZE, SMALLEST_SIZE
 
 COLUMNS = ("time", "step", "corrections", "error", "restarts", "evaluations")
 
@@ -70,6 +71,6 @@ class StepHistory:
         if names != COLUMNS:
             raise AnalysisError(f"{path}: not a table of steps of this version")
         history = cls(*table.T)
-        if not (np.isfinite(table).all() and (history.step > 0.0).all()):
-            raise AnalysisError(f"{path}: damaged: a step that is not a length of time")
+        if not (np.abs(table).max() <= LARGEST_SIZE and history.step.min() >= SMALLEST_SIZE):
+            raise AnalysisError(f"{path}: damaged: a number that no step can have")
         return history

@@ -655,6 +655,13 @@ def _check_same(header: _Header, first: _Header) -> None:
         raise TrajectoryError("damaged header: a time step beyond what LAMMPS can count")
     if header.n_atoms <= 0:
         raise TrajectoryError(f"{header.n_atoms} atoms")
+    if header.time is not None and not np.isfinite(header.time):
+        raise TrajectoryError(f"damaged header: {header.time} is no time")
+    if None not in (header.time, first.time) and header.time < first.time:
+        raise TrajectoryError(
+            f"damaged header: a time of {header.time:g} s is before that of frame 0, "
+            f"{first.time:g} s"
+        )
     if header.n_atoms != first.n_atoms:
         raise TrajectoryError(
             f"{header.n_atoms} atoms, but {first.n_atoms} in frame 0; "

@@ -286,7 +286,7 @@ def test_many_damaged_files_are_refused_or_whole(tmp_path, reader):
 @pytest.mark.parametrize("content", [TEXT_DUMP, BINARY_DUMP], ids=["text", "binary"])
 def test_a_dump_may_be_cut_anywhere(tmp_path, content):
     first = len(FRAME.format(time=0, step=0)) if content is TEXT_DUMP else len(content) // 4
-    for cut in range(0, len(content), 7):
+    for cut in range(0, len(content), 11):
         assert check_dump(content[:cut], tmp_path / "dump") == (cut >= first)
 
 
@@ -303,7 +303,7 @@ def merge_bomb(levels):
     [
         (merge_bomb(12), "more than 20 aliases"),
         (merge_bomb(12).replace("{<<: ", "").replace("]}", "]"), "more than 20 aliases"),
-        ("[" * 60_000, "nested too deeply"),
+        ("[" * 20_000, "nested too deeply"),
         ("- " * 30_000, "nested too deeply"),
         ("a: {" * 10_000, "nested too deeply|not valid YAML"),
         ("x: [" + "1," * 30_000 + "]", "more than 2000 values"),

@@ -1,10 +1,14 @@
 // Registers every style of this folder with the LAMMPS that loads the plugin.
 
 #include "blast_pulse.h"
+#include "blast_read_restart.h"
+#include "blast_write_restart.h"
 #include "compute_blast_contact_local.h"
 #include "compute_lorentz_drag_atom.h"
 #include "fix_blast_bonds.h"
 #include "fix_blast_losses.h"
+#include "fix_blast_restart.h"
+#include "fix_blast_table.h"
 #include "fix_blast_watch.h"
 #include "fix_lorentz_drag.h"
 #include "fix_nve_implicit.h"
@@ -86,6 +90,12 @@ extern "C" __attribute__((visibility("default"))) void lammpsplugin_init(void *l
   entry.creator.from_lammps = &create_from_lammps<LAMMPS_NS::BlastPulse>;
   add("command", "blast_pulse", "lammps-blast: radial pulse of a stated energy");
 
+  entry.creator.from_lammps = &create_from_lammps<LAMMPS_NS::BlastWriteRestart>;
+  add("command", "blast_write_restart", "lammps-blast: one of two sealed restart files in turn");
+
+  entry.creator.from_lammps = &create_from_lammps<LAMMPS_NS::BlastReadRestart>;
+  add("command", "blast_read_restart", "lammps-blast: goes on from the newest whole restart file");
+
   entry.creator.from_lammps = &create_from_lammps<LAMMPS_NS::PairBlastContact>;
   add("pair", "blast/contact", "lammps-blast: contact, friction and bonds of spheres");
 
@@ -112,6 +122,12 @@ extern "C" __attribute__((visibility("default"))) void lammpsplugin_init(void *l
 
   entry.creator.from_arguments = &create_style<LAMMPS_NS::FixBlastWatch>;
   add("fix", "blast/watch", "lammps-blast: stops a run that has become unstable");
+
+  entry.creator.from_arguments = &create_style<LAMMPS_NS::FixBlastRestart>;
+  add("fix", "blast/restart", "lammps-blast: ends a run when a signal asks for it");
+
+  entry.creator.from_arguments = &create_style<LAMMPS_NS::FixBlastTable>;
+  add("fix", "blast/table", "lammps-blast: variables as comma-separated values");
 
   entry.creator.from_arguments = &create_style<LAMMPS_NS::ComputeBlastContactLocal>;
   add("compute", "blast/contact/local", "lammps-blast: a row for each contact");

@@ -42,10 +42,10 @@ from lammps_blast.deck import (
     CONTACT_TABLE,
     ENERGY_ACCOUNTS,
     ENERGY_TABLE,
+    LOG,
     STEP_TABLE,
     counted,
 )
-from lammps_blast.engine import LOG
 from lammps_blast.input_files import NUMBER, mapped
 from lammps_blast.neighbours import pair_blocks
 from lammps_blast.pair_histories import FEW_PARTICLES, PairHistories
@@ -534,13 +534,15 @@ def _without_nan(value: Any) -> Any:
 
 
 def wall_seconds_of(log: Path) -> float | None:
-    """Return the seconds that the longest run in LAMMPS's log took; None without one."""
+    """Return the seconds that the run in LAMMPS's log took, in all its parts; None without one."""
     try:
         with mapped(log) as text:
-            loops = (found.groups() for found in _LOOP_TIME.finditer(text))
-            return max((float(seconds) for seconds, steps in loops if steps != b"0"), default=None)
+            after_relaxation = text.rfind(b"\nRelaxed packing: steps ") + 1
+            loops = (found.groups() for found in _LOOP_TIME.finditer(text, after_relaxation))
+            parts = [float(seconds) for seconds, steps in loops if steps != b"0"]
     except OSError:
         return None
+    return sum(parts) if parts else None
 
 
 def report(summary: Mapping[str, Any]) -> str:

@@ -874,8 +874,15 @@ def _in_steps(steps: int, time: Time) -> float:
     return float(f"{steps * time.step:.12g}")
 
 
-def load_case(path: Path) -> Case:
+def load_case(path: Path, *, duration: float | None = None) -> Case:
     """Read a case file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    duration
+        A simulated time (s) that takes the place of the file's own.
 
     Raises
     ------
@@ -895,10 +902,15 @@ def load_case(path: Path) -> Case:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise CaseError(f"{shown_path(path)}: not a text file in UTF-8") from None
-    return parse_case(text, path.parent)
+    content = _parse_yaml(text)
+    if duration is not None and isinstance(content, Mapping):
+        section = content.get("time")
+        if isinstance(section, Mapping):
+            content = {**content, "time": {**section, "duration": duration}}
+    return parse_case(content, path.parent)
 
 
-def parse_case(source: str | Mapping[str, Any], folder: Path) -> Case:
+def parse_case(source: str | Mapping[str, Any] | None, folder: Path) -> Case:
     """Check a case given as YAML text, or as the mapping that such a text stands for.
 
     Parameters

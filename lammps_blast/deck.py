@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +48,9 @@ PARTICLE_TABLE = "particles.csv"
 ENERGY_TABLE = "energy.csv"
 STEP_TABLE = "steps.csv"
 RESTART_FOLDER = "restart"
-RESTARTS = tuple(f"{RESTART_FOLDER}/blast.{name}" for name in ("1", "2", "interrupted"))
+RESTARTS = (f"{RESTART_FOLDER}/blast.1", f"{RESTART_FOLDER}/blast.2")
+RUN_LOCK = f"{RESTART_FOLDER}/lock"
+LOG = "log.lammps"
 CONTACT_TABLE = "contacts.lammpsdump"
 TEXT_TRAJECTORY = "trajectory.lammpstrj"
 BINARY_TRAJECTORY = "trajectory.lammpsbin"  # LAMMPS writes binary for .bin and .lammpsbin
@@ -182,17 +183,17 @@ def deck_text(case: Case, particles: Particles) -> str:
     blocks = [
         _header(case),
         _settings(case),
-        system_commands(particles, PARTICLE_DATA, case),
-        _relaxation(case),
+        _box_and_neighbours(particles, case),
+        _beginning(case, particles),
         pair_commands(pair_styles(case, particles)),
         _ghosts_no_more(case),
         _forces_and_integration(case),
         _launch(case),
         _balance(case),
-        _ledger(case),
+        _ledger(case, particles),
         _watch(case, particles),
         _output(case),
-        "run ${steps}\n",
+        _run(case),
     ]
     return "\n".join(block for block in blocks if block)
 
@@ -216,6 +217,7 @@ def _header(case: Case) -> str:
 #   lmp -in {DECK}        mpiexec -n 4 lmp -in {DECK}
 # A line "variable NAME index VALUE" is a default: `lmp -in {DECK} -var NAME OTHER` overrides it.
 # Duration and intervals are to be whole numbers of steps.{_remark_on_steps(case)}
+# To go on after an interruption, or longer: lmp -in {DECK} -log none -var restart newest
 """
 
 
@@ -250,6 +252,7 @@ def _settings(case: Case) -> str:
         settings |= {"max_step": case.time.longest_step, "first_step": _scheme(case).first_step}
         settings |= {"tolerance": _scheme(case).tolerance}
     lines = [f"variable {name} index {number(value)}" for name, value in settings.items()]
+    lines.append("variable restart index no")
     lines += [
         "variable steps equal round(v_duration/v_step)",
         "variable output_every equal round(v_output_interval/v_step)",
@@ -282,17 +285,47 @@ def system_commands(particles: Particles, data: str, case: Case | None = None) -
 
     With a case whose particles interact, or are relaxed, ranks exchange ghosts and lists are made.
     """
+    signs = case is not None and uses_signs(case, particles)
+    return f"{_box_and_neighbours(particles, case)}{_reading(data, signs)}timestep ${{step}}\n"
+
+
+def _box_and_neighbours(particles: Particles, case: Case | None) -> str:
     touching = case is not None and (case.interacts or _is_relaxed(case))
     signs = case is not None and uses_signs(case, particles)
     neighbours = _neighbours(particles, case) if touching else _no_neighbours(particles)
+    property_of_signs = f"fix {SIGN_FIX} all property/atom {SIGN_PROPERTY} ghost yes\n"
     return f"""\
 units si
 atom_style hybrid sphere charge
 # A box that follows the cloud: nothing is ever lost, and bins stay as small as the cloud.
 boundary {_boundaries(particles) if touching else "s s s"}
 {neighbours}neigh_modify every 1 delay 0 check yes
-{_reading(data, signs)}
-timestep ${{step}}
+{property_of_signs if signs else ""}"""
+
+
+def _beginning(case: Case, particles: Particles) -> str:
+    """Return the commands that bring particles in: from their file, or in the midst of a run."""
+    relaxation = _relaxation(case)
+    return f"""\
+shell mkdir {RESTART_FOLDER}
+variable append string no
+variable units string yes
+if "${{restart}} != no" then &
+  "variable append string yes" &
+  "variable units string no" &
+  "jump SELF go_on"
+log {LOG}
+{_reading(PARTICLE_DATA, uses_signs(case, particles))}timestep ${{step}}
+{relaxation and chr(10) + relaxation}
+label go_on
+if "${{restart}} == newest" then &
+  "variable restart_files string '{" ".join(RESTARTS)}'" &
+else &
+  "variable restart_files string ${{restart}}"
+if "${{append}} == yes" then &
+  "blast_read_restart ${{restart_files}} lock {RUN_LOCK} step ${{step}}" &
+  "log {LOG} append"
+fix restart all blast/restart lock {RUN_LOCK}
 """
 
 
@@ -334,12 +367,7 @@ def _boundaries(particles: Particles) -> str:
 
 
 def _reading(data: str, signs: bool) -> str:
-    if not signs:
-        return f"read_data {data}"
-    return (
-        f"fix {SIGN_FIX} all property/atom {SIGN_PROPERTY} ghost yes\n"
-        f"read_data {data} fix {SIGN_FIX} NULL {SIGN_SECTION}"
-    )
+    return f"read_data {data}{f' fix {SIGN_FIX} NULL {SIGN_SECTION}' if signs else ''}\n"
 
 
 def _is_relaxed(case: Case) -> bool:
@@ -403,7 +431,9 @@ def _external_fields(case: Case) -> str:
 
 
 def _launch(case: Case) -> str:
-    return f"blast_pulse all ${{energy}} seed {case.seed}\n" if case.blast else ""
+    if not case.blast:
+        return ""
+    return f'if "${{append}} == no" then "blast_pulse all ${{energy}} seed {case.seed}"\n'
 
 
 def _balance(case: Case) -> str:
@@ -422,31 +452,27 @@ if "$(extract_setting(world_size)) > 1" then &
 """
 
 
-def _ledger(case: Case) -> str:
+def _ledger(case: Case, particles: Particles) -> str:
     """Return the commands that keep `energy.csv`, one column an account."""
     computes = ["compute kinetic all ke", "compute rotational all erotate/sphere"]
     if case.contact and not case.contact.is_stock:
         computes.append(f"compute contact all pair {CONTACT_STYLE}")
     if case.near_field:
         computes.append(f"compute near_field all pair {NEAR_FIELD_STYLE}")
-    starts = [
-        f"variable {name}_start equal $({source}:%.17g)"
-        for name, source in (("electric", "f_electric"), ("near_field", "c_near_field"))
-        if _has(case, name)
-    ]
     columns = _accounts(case) | _step_columns(case)
-    variables = [f"variable {name} equal {text}" for name, text in columns.items()]
     named = " ".join(f"v_{name}" for name in columns)
+    starts = [
+        f'  "variable {start} equal $({source}:%.17g)"' for start, source in _starts(case).items()
+    ]
     lines = [
         "# The energy ledger, in joules.",
         *computes,
-        # Of the columns below, so that energies are there when they are first asked for.
+        *(f"variable {name} equal {text}" for name, text in columns.items()),
+        *_energy_from_nothing(case, particles),
+        # Of the columns, so that energies are there when they are first asked for.
         "thermo_style custom step time pe",
-        "run 0 post no",
-        *starts,
-        *variables,
-        f'fix ledger all print ${{output_every}} "{_ledger_row(columns)}" &',
-        f'  file {ENERGY_TABLE} screen no title "time,{",".join(columns)}"',
+        " &\n".join(['if "${append} == no" then', '  "run 0 post no"', *starts]),
+        f"fix ledger all blast/table ${{output_every}} {ENERGY_TABLE} {named}",
         f"thermo_style custom step time {named}",
         "thermo_modify format float %.10g",
         "thermo ${output_every}",
@@ -454,8 +480,16 @@ def _ledger(case: Case) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _has(case: Case, name: str) -> bool:
-    return any(case.fields.electric) if name == "electric" else case.near_field is not None
+def _starts(case: Case) -> dict[str, str]:
+    """Return the variables that hold what something was at the launch, and what that was."""
+    starts = {}
+    if any(case.fields.electric):
+        starts["electric_start"] = "f_electric"
+    if case.near_field:
+        starts["near_field_start"] = "c_near_field"
+    if case.interacts and not (case.contact and case.contact.is_stock):
+        starts["balance_start"] = "v_balance"
+    return starts
 
 
 def _accounts(case: Case) -> dict[str, str]:
@@ -503,30 +537,27 @@ def _watch(case: Case, particles: Particles) -> str:
     advice = f" advice {number(advised[0])}" if advised else ""
     every = 1 if _adapts(case) else WATCH_EVERY
     return f"""\
-{_energy_from_nothing(case, particles)}
 fix watch all blast/watch {every}{advice}
 fix watch_energy all blast/watch ${{output_every}} energy v_created {ENERGY_FROM_NOTHING}{advice}
 """
 
 
-def _energy_from_nothing(case: Case, particles: Particles) -> str:
+def _energy_from_nothing(case: Case, particles: Particles) -> list[str]:
     """Return the variable `created`, in joules, positive only when a run goes wrong."""
+    if not case.interacts:
+        return []
     if case.contact and case.contact.is_stock:
         # Their loss is what their forces took, whatever that was; they may give what they hold.
         reserve = energy_reserve(case.contact, particles.position, particles.radius)
-        return f"variable created equal -v_contact_loss-{number(reserve)}"
+        return [f"variable created equal -v_contact_loss-{number(reserve)}"]
     held = "v_kinetic+v_rotational+v_contact_energy+v_bond_energy+v_near_field_energy"
     lost = "v_drag_loss+v_contact_loss+v_friction_loss+v_bond_friction_loss+v_bond_formation_loss"
     size = "abs(v_contact_energy)+abs(v_bond_energy)+abs(v_near_field_energy)+v_contact_loss"
-    return f"""\
-variable balance equal {held}+{lost}-v_electric_work
-variable balance_start equal $(v_balance:%.17g)
-variable rounding equal {ROUNDING_OF_LEDGER}*({size})
-variable created equal v_balance-v_balance_start-v_rounding"""
-
-
-def _ledger_row(columns: Iterable[str]) -> str:
-    return ",".join(f"$({name}:%.17g)" for name in ("time", *(f"v_{name}" for name in columns)))
+    return [
+        f"variable balance equal {held}+{lost}-v_electric_work",
+        f"variable rounding equal {ROUNDING_OF_LEDGER}*({size})",
+        "variable created equal v_balance-v_balance_start-v_rounding",
+    ]
 
 
 def _output(case: Case) -> str:
@@ -534,28 +565,49 @@ def _output(case: Case) -> str:
     if case.output.forces:
         forces, renaming, preparation = _force_columns(case)
     contacts = _contact_dump() if case.output.contacts else ""
+    return f"{preparation}{_trajectory(case, forces, renaming)}{contacts}"
+
+
+def _run(case: Case) -> str:
+    """Return the run, in parts that each end with a restart file, the last one too."""
+    words = [*RESTARTS, "outputs", *_growing_outputs(case), "logs", LOG]
+    if starts := _starts(case):
+        words += ["values", *starts]
     return f"""\
-{preparation}{_trajectory(case, forces, renaming)}{contacts}shell mkdir {RESTART_FOLDER}
 # Two files in turn: a crash while one is written leaves the other.
-restart ${{restart_every}} {RESTARTS[0]} {RESTARTS[1]}
+run ${{steps}} upto post no every ${{restart_every}} &
+  "blast_write_restart {" ".join(words)}"
+if "$(step) < ${{steps}}" then &
+  "print 'Stopped at step $(step) of ${{steps}}. To go on: -log none -var restart newest'"
 """
+
+
+def _growing_outputs(case: Case) -> list[str]:
+    """Return the files that a run adds to from beginning to end."""
+    outputs = [ENERGY_TABLE, TRAJECTORIES[case.output.format]]
+    if case.output.contacts:
+        outputs.append(CONTACT_TABLE)
+    if _adapts(case):
+        outputs.append(STEP_TABLE)
+    return outputs
 
 
 def _trajectory(case: Case, forces: str, renaming: str) -> str:
     name = TRAJECTORIES[case.output.format]
-    columns, modify, once = STATE_COLUMNS, "sort id time yes units yes", ""
+    columns, modify, once = STATE_COLUMNS, "sort id time yes units ${units}", ""
     if case.output.format == "text":
         columns = f"{CONSTANT_COLUMNS} {columns}"
         modify += " format float %.15g"
     else:
         once = (
             "# What no frame need repeat.\n"
-            f"write_dump all custom {BINARY_CONSTANTS} id {CONSTANT_COLUMNS} modify {modify}\n"
+            f'if "${{append}} == no" then &\n  "write_dump all custom {BINARY_CONSTANTS}'
+            f' id {CONSTANT_COLUMNS} modify {modify}"\n'
         )
     return f"""\
 {once}dump trajectory all custom ${{output_every}} {name} &
   id {columns}{forces}
-dump_modify trajectory {modify}{renaming}
+dump_modify trajectory append ${{append}} {modify}{renaming}
 """
 
 
@@ -575,7 +627,7 @@ def _contact_dump() -> str:
     return f"""\
 compute contacts all blast/contact/local
 dump contacts all local ${{output_every}} {CONTACT_TABLE} {sources}
-dump_modify contacts time yes units yes format float %.10g {names}
+dump_modify contacts append ${{append}} time yes units ${{units}} format float %.10g {names}
 """
 
 

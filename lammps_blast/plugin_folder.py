@@ -23,6 +23,11 @@ def plugin_folder() -> str:
     return str(Path(__file__).parent / "plugins")
 
 
+def plugin_file() -> Path:
+    """Return where the compiled plugin is, or would be."""
+    return Path(plugin_folder(), PLUGIN_FILE)
+
+
 def require_plugin() -> None:
     """Make sure that the plugin is there.
 
@@ -31,7 +36,7 @@ def require_plugin() -> None:
     FileNotFoundError
         If the package was not installed, or without its plugin.
     """
-    if not Path(plugin_folder(), PLUGIN_FILE).is_file():
+    if not plugin_file().is_file():
         raise FileNotFoundError(
             f"{PLUGIN_FILE} is not installed: run `pip install .` in the lammps-blast folder"
         )

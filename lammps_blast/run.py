@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import fcntl
+import os
+import signal
 import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import FrameType
 
 from rich.console import Console
 
@@ -22,6 +26,7 @@ from lammps_blast.deck import (
     CONTACT_TABLE,
     DECK,
     ENERGY_TABLE,
+    LOG,
     PARTICLE_DATA,
     PARTICLE_TABLE,
     RESTARTS,
@@ -31,10 +36,19 @@ from lammps_blast.deck import (
     write_deck,
     write_resolved_case,
 )
-from lammps_blast.engine import LOG, EngineError, InterruptedRunError, lammps_warnings, run_deck
+from lammps_blast.engine import (
+    DeckRun,
+    EngineError,
+    InterruptedRunError,
+    lammps_warnings,
+    run_deck,
+)
 from lammps_blast.particles import Particles, create_particles
+from lammps_blast.ranks import LaunchedRanks
+from lammps_blast.resumption import Resumption, ResumptionError, prepare_resumption, resumption
 
 DONE, INVALID, FAILED, INTERRUPTED = 0, 2, 3, 130
+FOLDER_LOCK = ".lock"
 
 
 class FolderError(RuntimeError):
@@ -43,28 +57,48 @@ class FolderError(RuntimeError):
 
 def main(argv: list[str] | None = None) -> int:
     """Run a case: pack, launch, simulate, analyse, draw."""
-    options = _options(argv)
-    console = Console(stderr=True, quiet=options.quiet)
+    launched = LaunchedRanks.around_this_process()
+    if launched and launched.number > 0:
+        launched.follow()
+        return DONE
+    status = FAILED
     try:
-        case = load_case(options.case)
-        particles = create_particles(case)
-        check_near_field(case, particles)
-        summary = run_case(case, particles, options, console)
+        status = _lead(_options(argv), launched)
+    finally:
+        if launched:
+            launched.end(status)
+    return status
+
+
+def _lead(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
+    console = Console(stderr=True, quiet=options.quiet)
+    if options.threads:
+        os.environ["OMP_NUM_THREADS"] = str(options.threads)
+    before = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        summary = run_case(options, console, launched)
     except CaseError as error:
         print(f"{options.case}: not a case that can be run\n{error}", file=sys.stderr)
         return INVALID
     except InterruptedRunError as interruption:
         print(interruption, file=sys.stderr)
         return INTERRUPTED
-    except (FolderError, EngineError) as error:
+    except (FolderError, ResumptionError, EngineError) as error:
         print(error, file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
         text = "interrupted; a run that is simulated already is finished by lammps_blast.analyze"
         print(text, file=sys.stderr)
         return INTERRUPTED
+    finally:
+        signal.signal(signal.SIGTERM, before)
     print(summary)
     return DONE
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    """Take what a batch system sends for a Ctrl-C."""
+    raise KeyboardInterrupt
 
 
 def _options(argv: list[str] | None) -> argparse.Namespace:
@@ -73,29 +107,95 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="run folder, default runs/NAME"
     )
-    parser.add_argument("--force", action="store_true", help="replace a run that is in the way")
+    beginning = parser.add_mutually_exclusive_group()
+    beginning.add_argument("--force", action="store_true", help="replace a run that is in the way")
+    beginning.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with a run that was interrupted, or for a longer time.duration",
+    )
+    parser.add_argument(
+        "--ranks", type=_count, default=1, metavar="N", help="MPI ranks on this machine, default 1"
+    )
+    parser.add_argument(
+        "--threads",
+        type=_count,
+        metavar="N",
+        help="threads of a rank, default OMP_NUM_THREADS, or 1",
+    )
     parser.add_argument("--no-figures", action="store_true", help="numbers only")
     parser.add_argument("--quiet", action="store_true", help="no progress")
     return parser.parse_args(argv)
 
 
+def _count(text: str) -> int:
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, got {text}")
+    return number
+
+
 def run_case(
-    case: Case, particles: Particles, options: argparse.Namespace, console: Console
+    options: argparse.Namespace, console: Console, launched: LaunchedRanks | None = None
 ) -> str:
     """Run a case in its folder and return a report of it.
 
     Raises
     ------
+    CaseError
+        If the case is invalid.
     FolderError
         If the folder cannot be written, or holds a run.
+    ResumptionError
+        If the run of the folder cannot be gone on with.
     EngineError, InterruptedRunError
         If LAMMPS fails, or the user stops it.
     """
+    if launched and options.ranks > 1:
+        raise FolderError("--ranks starts ranks of its own: it does not go with mpiexec")
+    case = load_case(options.case)
     folder = options.output or Path("runs") / case.name
-    if folder.resolve() in input_folders(case):
+    is_own_input = folder.resolve() in input_folders(case)
+    if is_own_input and not options.resume:
         raise FolderError(f"{folder} holds an input of the case: give another folder (--output)")
+    particles = None if options.resume else _packed(case)
+    with folder_lock(folder, create=not options.resume):
+        steps_done = 0
+        if particles is None:
+            run = resumption(options.case, folder)
+            if run.state:
+                case, steps_done = run.case, run.steps_done
+                _prepare_to_go_on(run, folder, console)
+            elif is_own_input:
+                raise FolderError(f"{folder} holds no restart file: run its case anew elsewhere")
+            else:
+                console.print(f"{folder} holds no restart file yet: the run begins anew")
+                particles = _packed(case)
+        if particles is not None:
+            _prepare_afresh(case, particles, folder, options.force or options.resume, console)
+        threading.Thread(target=_import_ahead, args=(not options.no_figures,)).start()
+        if steps_done < case.timesteps:
+            run_deck(
+                DeckRun(folder, case.timesteps, case.timestep, steps_done, options.ranks, launched),
+                console,
+            )
+        for warning in lammps_warnings(folder):
+            Console(stderr=True).print(warning, highlight=False, markup=False)
+        return analyze_run(folder, figures=not options.no_figures)
+
+
+def _packed(case: Case) -> Particles:
+    particles = create_particles(case)
+    check_near_field(case, particles)
+    return particles
+
+
+def _prepare_afresh(
+    case: Case, particles: Particles, folder: Path, force: bool, console: Console
+) -> None:
+    """Write the case and its deck into the run folder."""
     try:
-        prepare_folder(folder, force=options.force)
+        prepare_folder(folder, force=force)
         write_resolved_case(case, folder)
         write_deck(case, particles, folder)
     except OSError as error:
@@ -103,14 +203,46 @@ def run_case(
     console.print(f"{case.name}: {size_of(case, particles)} in {folder}")
     for remark in remarks(case, particles):
         console.print(remark, highlight=False, markup=False)
-    warnings = Console(stderr=True)
     for warning in case_warnings(case, particles):
-        warnings.print(f"WARNING: {warning}", highlight=False, markup=False)
-    threading.Thread(target=_import_ahead, args=(not options.no_figures,)).start()
-    run_deck(folder, case.timesteps, case.timestep, console)
-    for warning in lammps_warnings(folder):
-        warnings.print(warning, highlight=False, markup=False)
-    return analyze_run(folder, figures=not options.no_figures)
+        Console(stderr=True).print(f"WARNING: {warning}", highlight=False, markup=False)
+
+
+def _prepare_to_go_on(run: Resumption, folder: Path, console: Console) -> None:
+    """Get a run ready to go on."""
+    assert run.state is not None
+    try:
+        prepare_resumption(run, folder)
+    except OSError as error:
+        raise FolderError(f"cannot write the run folder {folder}: {error}") from error
+    what = "is simulated already" if run.is_finished else f"goes on at {run.state.time:g} s"
+    console.print(f"{run.case.name}: {what}, in {folder}", highlight=False)
+
+
+@contextlib.contextmanager
+def folder_lock(folder: Path, *, create: bool) -> Iterator[None]:
+    """Keep other runs out of a folder; the system ends a lock with the process that holds it.
+
+    Raises
+    ------
+    FolderError
+        If another run holds it, or the folder cannot be written.
+    """
+    try:
+        if create:
+            folder.mkdir(parents=True, exist_ok=True)
+        if not folder.is_dir():
+            raise FolderError(f"there is no run folder {folder} to go on with")
+        file = (folder / FOLDER_LOCK).open("a+")
+    except OSError as error:
+        raise FolderError(f"cannot write the run folder {folder}: {error}") from error
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise FolderError(f"another run is at work in {folder}: wait for its end") from None
+        except OSError:
+            pass  # a file system without locks
+        yield
 
 
 def _import_ahead(figures: bool) -> None:

@@ -72,8 +72,19 @@ AllPairsSum::AllPairsSum(LAMMPS *lmp, SummationMethod method_, double accuracy_,
                          FieldOfTypes field_of_types_)
     : Pointers(lmp), method(method_), accuracy(accuracy_), field_of_types(field_of_types_),
       particles(lmp),
-      rung(std::clamp(static_cast<int>(-2.0 * std::log10(accuracy)) - 2, 0, RUNGS - 1))
+      rung(first_rung())
 {
+}
+
+int AllPairsSum::first_rung() const
+{
+  return std::clamp(static_cast<int>(-2.0 * std::log10(accuracy)) - 2, 0, RUNGS - 1);
+}
+
+void AllPairsSum::forget_choice()
+{
+  chosen_at = -1;
+  rung = first_rung();
 }
 
 // Types that feel and exert the same near field belong to one group.

@@ -50,6 +50,9 @@ public:
   const GatheredParticles &everyone() const { return particles; }
   double memory_usage() const;
 
+  // The next sum chooses as the first one does: a run depends on nothing that was before it.
+  void forget_choice();
+
 private:
   struct Trial {
     Approximation approximation;
@@ -61,6 +64,7 @@ private:
   Range share_of(const NearFieldTree &) const;
   void grow_trees();
   void expand_trees();
+  int first_rung() const;
   bool is_time_to_choose() const;
   void choose();
   void sample_leaves();

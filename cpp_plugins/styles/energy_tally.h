@@ -25,16 +25,26 @@ template <int CHANNELS> struct EnergyTally {
     return sum;
   }
 
-  void write_restart(FILE *fp, MPI_Comm world) const
+  // A run that goes on from a restart file has all of it there, and adds up alike if others do, too.
+  void gather_on_first_rank(MPI_Comm world)
   {
+    int me;
+    MPI_Comm_rank(world, &me);
     double sum[CHANNELS];
     MPI_Allreduce(energy, sum, CHANNELS, MPI_DOUBLE, MPI_SUM, world);
+    for (int channel = 0; channel < CHANNELS; channel++)
+      energy[channel] = me == 0 ? sum[channel] : 0.0;
+  }
+
+  void write_restart(FILE *fp, MPI_Comm world)
+  {
+    gather_on_first_rank(world);
     int me;
     MPI_Comm_rank(world, &me);
     if (me != 0) return;
-    const int size = sizeof(sum);
+    const int size = sizeof(energy);
     fwrite(&size, sizeof(int), 1, fp);
-    fwrite(sum, sizeof(double), CHANNELS, fp);
+    fwrite(energy, sizeof(double), CHANNELS, fp);
   }
 
   void read_restart(const char *buffer, MPI_Comm world)

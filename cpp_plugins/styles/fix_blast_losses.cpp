@@ -104,7 +104,7 @@ void FixBlastLosses::init()
 void FixBlastLosses::setup(int vflag)
 {
   // Bonds that are there at the start are part of it.
-  if (pair) heat_counted = pair->formation_heat;
+  if (pair) pair->formation_heat = heat_counted = 0.0;
   post_force(vflag);
 }
 
@@ -291,7 +291,8 @@ double FixBlastLosses::memory_usage()
 
 void FixBlastLosses::write_restart(FILE *fp)
 {
-  counted_by_now().write_restart(fp, world);
+  close_step();
+  tally.write_restart(fp, world);
 }
 
 void FixBlastLosses::restart(char *buffer)

@@ -55,6 +55,7 @@ FixBlastWatch::FixBlastWatch(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   if (!atom->radius_flag || !atom->rmass_flag)
     error->all(FLERR, "{} requires atom attributes radius and rmass", STYLE);
   if (strcmp(arg[1], "all") != 0) error->all(FLERR, "{} requires group all", STYLE);
+  restart_global = 1;
   vector_flag = 1;
   size_vector = 2;
   global_freq = nevery;
@@ -296,4 +297,17 @@ double FixBlastWatch::compute_vector(int n)
   double everywhere = 0.0;
   MPI_Allreduce(&deepest, &everywhere, 1, MPI_DOUBLE, MPI_MAX, world);
   return everywhere;
+}
+
+void FixBlastWatch::write_restart(FILE *fp)
+{
+  if (comm->me != 0) return;
+  const int size = sizeof(largest_kinetic);
+  fwrite(&size, sizeof(int), 1, fp);
+  fwrite(&largest_kinetic, sizeof(largest_kinetic), 1, fp);
+}
+
+void FixBlastWatch::restart(char *buffer)
+{
+  memcpy(&largest_kinetic, buffer, sizeof(largest_kinetic));
 }

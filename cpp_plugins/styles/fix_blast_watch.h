@@ -22,6 +22,8 @@ public:
   void post_integrate() override;
   void end_of_step() override;
   double compute_vector(int) override;
+  void write_restart(FILE *) override;
+  void restart(char *) override;
 
 private:
   void measure_drift();

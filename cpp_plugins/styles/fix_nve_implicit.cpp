@@ -71,7 +71,6 @@ void FixNVEImplicit::read_arguments(int narg, char **arg)
   if (first_step == 0.0) first_step = control.longest_step;
   if (first_step > control.longest_step)
     error->all(FLERR, "{} first_step must not be longer than max_step", STYLE);
-  if (history_mode) open_history();
 }
 
 bool FixNVEImplicit::read_keyword(int &iarg, int narg, char **arg)
@@ -121,7 +120,6 @@ bool FixNVEImplicit::read_keyword(int &iarg, int narg, char **arg)
 
 void FixNVEImplicit::open_history()
 {
-  if (comm->me != 0) return;
   history = fopen(history_name.c_str(), history_mode);
   if (!history)
     error->one(FLERR, "{} cannot open {}: {}", STYLE, history_name, utils::getsyserror());
@@ -143,6 +141,7 @@ void FixNVEImplicit::init()
   if (clock_is_displaced && update->dt == last_step) restore_clock();
   clock_is_displaced = false;
   ExternalFields::check_sizes(lmp, STYLE, groupbit);
+  if (history_mode && !history && comm->me == 0) open_history();
   forces.check(STYLE);
   refuse_companions();
   find_companions();
@@ -193,16 +192,17 @@ void FixNVEImplicit::refuse_companions() const
   }
 }
 
-// The forces at the beginning of a run are those at the end of the step that led there.
+// The forces at the beginning of a run are those at the end of the step that led there. They are
+// not counted: a run that goes on from a restart file counts as one that was not interrupted.
 void FixNVEImplicit::setup_pre_force(int /*vflag*/)
 {
   displace_clock();
   update->dt = last_step;
 }
 
-void FixNVEImplicit::setup(int vflag)
+void FixNVEImplicit::setup(int /*vflag*/)
 {
-  post_force(vflag);
+  iteration.add_external_forces(fields);
   restore_clock();
 }
 
@@ -518,8 +518,9 @@ double FixNVEImplicit::memory_usage()
 
 void FixNVEImplicit::write_restart(FILE *fp)
 {
-  const double numbers[] = {tally.total(DRAG_WORK, world),
-                            tally.total(MAGNETIC_WORK, world),
+  tally.gather_on_first_rank(world);
+  const double numbers[] = {tally.energy[DRAG_WORK],
+                            tally.energy[MAGNETIC_WORK],
                             adapted_step,
                             last_step,
                             static_cast<double>(last.corrections),
@@ -553,4 +554,5 @@ void FixNVEImplicit::restart(char *buffer)
   steps = static_cast<bigint>(next());
   restarts = static_cast<bigint>(next());
   evaluations = static_cast<bigint>(next());
+  if (history_mode) history_mode = "a";
 }

@@ -183,6 +183,7 @@ void PairBlastNearField::init_style()
       error->all(FLERR, "{}: fix property/atom of {} needs: ghost yes", STYLE, signs);
   }
   is_ours.assign((types + 1) * (types + 1), 0);
+  if (sum) sum->forget_choice();
   if (!all_pairs) {
     neighbor->add_request(this);
   } else if (domain->xperiodic || domain->yperiodic || domain->zperiodic) {

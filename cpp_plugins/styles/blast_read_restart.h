@@ -1,0 +1,42 @@
+// blast_read_restart: goes on from the newest whole restart file of blast_write_restart, and cuts the
+// output files of the run back to what they held then.
+
+#ifndef BLAST_STYLES_BLAST_READ_RESTART_H
+#define BLAST_STYLES_BLAST_READ_RESTART_H
+
+#include "restart_seal.h"
+
+#include "command.h"
+
+namespace LAMMPS_NS {
+
+class BlastReadRestart : public Command {
+public:
+  BlastReadRestart(class LAMMPS *lmp) : Command(lmp) {}
+  void command(int, char **) override;
+
+private:
+  struct Chosen {
+    std::string file;
+    RestartNotes notes;
+  };
+
+  void read_arguments(int narg, char **arg);
+  void look_at_lock(const char *name) const;
+  Chosen newest_whole() const;
+  Chosen told_to_all(Chosen chosen) const;
+  void warn_of_versions(const Chosen &chosen) const;
+  void arrange_ranks(const RestartNotes &notes) const;
+  void restore_box(const RestartNotes &notes) const;
+  void restore_clock(const RestartNotes &notes) const;
+  void restore_values(const RestartNotes &notes) const;
+  void check_step() const;
+  void cut_outputs_back(const RestartNotes &notes) const;
+
+  std::vector<std::string> files;
+  double step = 0.0; // that is expected; zero: any
+};
+
+} // namespace LAMMPS_NS
+
+#endif

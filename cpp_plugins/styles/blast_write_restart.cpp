@@ -1,0 +1,121 @@
+#include "blast_write_restart.h"
+
+#include "restart_box.h"
+#include "restart_seal.h"
+
+#include "comm.h"
+#include "domain.h"
+#include "error.h"
+#include "input.h"
+#include "lammps.h"
+#include "output.h"
+#include "update.h"
+#include "utils.h"
+#include "variable.h"
+
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <stdexcept>
+
+using namespace LAMMPS_NS;
+
+static constexpr char STYLE[] = "Blast_write_restart";
+
+void BlastWriteRestart::command(int narg, char **arg)
+{
+  if (!domain->box_exist)
+    error->all(FLERR, "{} command before simulation box is defined", STYLE);
+  read_arguments(narg, arg);
+  const RestartNotes notes_of_now = notes();
+
+  draw_box_in(lmp);
+  // Under another name, as long as it is not whole: what the file held until then is lost last.
+  const std::string unfinished = files[0] + ".unfinished";
+  input->one(fmt::format("write_restart \"{}\"", unfinished));
+  if (comm->me != 0) return;
+  const std::string file = older_file();
+  try {
+    for (const auto &output : outputs) see_to_disk(output);
+    seal_restart_file(unfinished, notes_of_now);
+    std::filesystem::rename(unfinished, file);
+    const auto folder = std::filesystem::path(file).parent_path();
+    see_to_disk(folder.empty() ? "." : folder.string());
+  } catch (const std::exception &failure) {
+    error->one(FLERR, "{}: restart file {} at step {}: {}", STYLE, file, update->ntimestep,
+               failure.what());
+  }
+  utils::logmesg(lmp, "Restart file {} written at step {}\n", file, update->ntimestep);
+}
+
+void BlastWriteRestart::read_arguments(int narg, char **arg)
+{
+  if (narg < 2) utils::missing_cmd_args(FLERR, "blast_write_restart", error);
+  files[0] = arg[0];
+  files[1] = arg[1];
+  std::vector<std::string> *list = nullptr;
+  for (int iarg = 2; iarg < narg; iarg++) {
+    if (strcmp(arg[iarg], "outputs") == 0)
+      list = &outputs;
+    else if (strcmp(arg[iarg], "logs") == 0)
+      list = &logs;
+    else if (strcmp(arg[iarg], "values") == 0)
+      list = &values;
+    else if (list)
+      list->emplace_back(arg[iarg]);
+    else
+      error->all(FLERR, "Unknown blast_write_restart keyword: {}", arg[iarg]);
+  }
+}
+
+// The file to be replaced: one that cannot be used, else the older one.
+std::string BlastWriteRestart::older_file() const
+{
+  std::int64_t steps[2];
+  for (int k = 0; k < 2; k++) {
+    try {
+      steps[k] = notes_of_restart_file(files[k]).step();
+    } catch (const std::runtime_error &) {
+      return files[k];
+    }
+  }
+  return steps[0] <= steps[1] ? files[0] : files[1];
+}
+
+RestartNotes BlastWriteRestart::notes()
+{
+  RestartNotes notes;
+  notes.add("step", std::to_string(update->ntimestep));
+  notes.add("clock", fmt::format("{:.17g} {} {:.17g}", update->atime, update->atimestep, update->dt));
+  notes.add("ranks", fmt::format("{} {} {} {}", comm->nprocs, comm->procgrid[0], comm->procgrid[1],
+                                 comm->procgrid[2]));
+  notes.add("least_box", fmt::format("{:.17g} {:.17g} {:.17g} {:.17g} {:.17g} {:.17g}",
+                                     domain->minxlo, domain->minxhi, domain->minylo, domain->minyhi,
+                                     domain->minzlo, domain->minzhi));
+  notes.add("lammps", std::to_string(lmp->num_ver));
+  notes.add("plugin", BLAST_VERSION);
+  for (const auto &name : values) {
+    const int index = input->variable->find(name.c_str());
+    if (index < 0 || !input->variable->equalstyle(index))
+      error->all(FLERR, "{}: there is no equal-style variable {}", STYLE, name);
+    notes.add("value", fmt::format("{} {:.17g}", name, input->variable->compute_equal(index)));
+  }
+  if (comm->me == 0) note_outputs(notes);
+  return notes;
+}
+
+void BlastWriteRestart::note_outputs(RestartNotes &notes) const
+{
+  if (logfile) fflush(logfile);
+  const auto note = [&](const char *keyword, const std::vector<std::string> &names) {
+    for (const auto &name : names) {
+      std::error_code failure;
+      const auto size = std::filesystem::file_size(name, failure);
+      if (failure)
+        error->one(FLERR, "{}: output file {}: {}", STYLE, name, failure.message());
+      notes.add(keyword, fmt::format("{} {}", size, name));
+    }
+  };
+  note("output", outputs);
+  note("log", logs);
+}

@@ -1,0 +1,45 @@
+// A lock on a file that one process at a time can hold, and loses when it ends, however it ends.
+
+#ifndef BLAST_STYLES_FILE_LOCK_H
+#define BLAST_STYLES_FILE_LOCK_H
+
+#include <cerrno>
+#include <cstring>
+#include <fcntl.h>
+#include <stdexcept>
+#include <string>
+#include <sys/file.h>
+#include <unistd.h>
+
+namespace LAMMPS_NS {
+
+class FileLock {
+public:
+  FileLock() = default;
+
+  // Throws std::runtime_error if another process holds it, or it cannot be made.
+  explicit FileLock(const std::string &name)
+      : descriptor(open(name.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666))
+  {
+    if (descriptor < 0) throw std::runtime_error("cannot open " + name + ": " + strerror(errno));
+    // On a file system without locks there is none to be had: a run goes on without.
+    if (flock(descriptor, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+    close(descriptor);
+    throw std::runtime_error("another LAMMPS is at work in this folder: it holds " + name);
+  }
+
+  ~FileLock()
+  {
+    if (descriptor >= 0) close(descriptor);
+  }
+
+  FileLock(const FileLock &) = delete;
+  FileLock &operator=(const FileLock &) = delete;
+
+private:
+  int descriptor = -1;
+};
+
+} // namespace LAMMPS_NS
+
+#endif

@@ -1,0 +1,128 @@
+#include "fix_blast_restart.h"
+
+#include "style_arguments.h"
+
+#include "comm.h"
+#include "error.h"
+#include "output.h"
+#include "timer.h"
+#include "update.h"
+#include "utils.h"
+
+#include <algorithm>
+#include <cstring>
+#include <stdexcept>
+
+using namespace LAMMPS_NS;
+using namespace FixConst;
+
+static constexpr char STYLE[] = "Fix blast/restart";
+
+// What asks a program to end: a batch system or `kill`, the keyboard, a batch system ahead of time.
+static constexpr int SIGNALS[] = {SIGTERM, SIGINT, SIGUSR1};
+// Steps between two looks at whether any of several ranks was asked to stop.
+static constexpr int STEPS_BETWEEN_LOOKS = 10;
+
+// A signal can tell nobody else.
+static volatile std::sig_atomic_t signal_that_asked = 0;
+
+// For those who have LAMMPS in their own process.
+extern "C" __attribute__((visibility("default"))) void lammps_blast_stop(int signal)
+{
+  FixBlastRestart::ask_to_stop(signal);
+}
+
+FixBlastRestart::FixBlastRestart(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
+{
+  for (int iarg = 3; iarg < narg; iarg += 2) {
+    if (strcmp(arg[iarg], "lock") != 0)
+      error->all(FLERR, "Unknown {} keyword: {}", STYLE, arg[iarg]);
+    require_arguments(lmp, STYLE, iarg, 1, narg, arg);
+    take_lock(arg[iarg + 1]);
+  }
+  nevery = comm->nprocs == 1 ? 1 : STEPS_BETWEEN_LOOKS;
+  restart_global = 1;
+  listen();
+}
+
+FixBlastRestart::~FixBlastRestart()
+{
+  for (const auto &[signal, before] : listened) {
+    struct sigaction present;
+    sigaction(signal, nullptr, &present);
+    if (present.sa_handler == &FixBlastRestart::ask_to_stop) sigaction(signal, &before, nullptr);
+  }
+}
+
+void FixBlastRestart::take_lock(const char *name)
+{
+  if (comm->me != 0) return;
+  try {
+    lock = std::make_unique<FileLock>(name);
+  } catch (const std::runtime_error &failure) {
+    error->one(FLERR, "{}: {}", STYLE, failure.what());
+  }
+}
+
+// Where nobody else listens: a program that has LAMMPS in it may have its own way.
+void FixBlastRestart::listen()
+{
+  for (const int signal : SIGNALS) {
+    struct sigaction before;
+    sigaction(signal, nullptr, &before);
+    if (before.sa_handler != SIG_DFL) continue;
+    struct sigaction asking = {};
+    asking.sa_handler = &FixBlastRestart::ask_to_stop;
+    // A second signal ends the program at once.
+    asking.sa_flags = SA_RESETHAND | SA_RESTART;
+    sigaction(signal, &asking, nullptr);
+    listened.push_back({signal, before});
+  }
+}
+
+void FixBlastRestart::ask_to_stop(int signal)
+{
+  signal_that_asked = signal;
+}
+
+int FixBlastRestart::setmask()
+{
+  return END_OF_STEP;
+}
+
+// Dumps do not know that their frame of this step was written before the restart.
+void FixBlastRestart::setup(int /*vflag*/)
+{
+  const size_t known = std::min(frames_written.size(), static_cast<size_t>(output->ndump));
+  for (size_t k = 0; k < known; k++)
+    if (output->last_dump[k] < 0) output->last_dump[k] = frames_written[k];
+}
+
+void FixBlastRestart::end_of_step()
+{
+  int asked = signal_that_asked;
+  if (comm->nprocs > 1) MPI_Allreduce(MPI_IN_PLACE, &asked, 1, MPI_INT, MPI_MAX, world);
+  if (asked == 0) return;
+  signal_that_asked = 0;
+  if (comm->me == 0)
+    utils::logmesg(lmp, "Signal {} ends the run at step {}\n", asked, update->ntimestep);
+  timer->force_timeout();
+}
+
+void FixBlastRestart::write_restart(FILE *fp)
+{
+  if (comm->me != 0) return;
+  std::vector<bigint> numbers = {output->ndump};
+  numbers.insert(numbers.end(), output->last_dump, output->last_dump + output->ndump);
+  const int size = static_cast<int>(numbers.size() * sizeof(bigint));
+  fwrite(&size, sizeof(int), 1, fp);
+  fwrite(numbers.data(), sizeof(bigint), numbers.size(), fp);
+}
+
+void FixBlastRestart::restart(char *buffer)
+{
+  bigint count;
+  memcpy(&count, buffer, sizeof(bigint));
+  frames_written.resize(count);
+  memcpy(frames_written.data(), buffer + sizeof(bigint), count * sizeof(bigint));
+}

@@ -1,0 +1,185 @@
+"""Several MPI ranks of LAMMPS, started from here, or by an `mpiexec` around all of Python.
+
+In the second case the first rank does what a single process does. The others only lend LAMMPS
+their hands: they follow the deck, which LAMMPS reads on the first rank and hands on line by line.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections import deque
+from dataclasses import dataclass
+
+from lammps_blast.lammps_program import find_lmp, find_mpiexec, program_environment
+
+_KEPT_LINES = 200
+# What MPICH, Open MPI and their kin tell the processes that they start: number, and number of all.
+_LAUNCHERS = (
+    ("PMI_RANK", "PMI_SIZE"),
+    ("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"),
+    ("MV2_COMM_WORLD_RANK", "MV2_COMM_WORLD_SIZE"),
+)
+_SET_DEATH_SIGNAL = 1  # of prctl(2)
+
+
+class RankError(Exception):
+    """Ranks ended before their time; `str()` says how, `lammps_error` what LAMMPS said, if so."""
+
+    def __init__(self, text: str, lammps_error: str | None = None) -> None:
+        super().__init__(text)
+        self.lammps_error = lammps_error
+
+
+@dataclass
+class LaunchedRanks:
+    """Ranks that something else has started, this process among them.
+
+    Attributes
+    ----------
+    number, count
+        Which of them this process is, from zero, and how many there are.
+    are_at_work
+        Whether all of them are in one LAMMPS, or have been.
+    are_broken
+        Whether some of them wait for one that an error has taken out.
+    """
+
+    number: int
+    count: int
+    are_at_work: bool = False
+    are_broken: bool = False
+
+    @classmethod
+    def around_this_process(cls) -> LaunchedRanks | None:
+        """Return the ranks that this process belongs to; None if it was started by itself."""
+        for number, count in _LAUNCHERS:
+            with contextlib.suppress(KeyError, ValueError):
+                ranks = cls(int(os.environ[number]), int(os.environ[count]))
+                if ranks.count > 1:
+                    return ranks
+        return None
+
+    def follow(self) -> None:
+        """Do the first rank's bidding in one run of LAMMPS, and end with it.
+
+        Signals that ask for an end are the first rank's business.
+        """
+        for asking in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1):
+            signal.signal(asking, signal.SIG_IGN)
+        self._run_together()
+
+    def end(self, status: int) -> None:
+        """End the others, with or without having been at work; may end this process."""
+        if self.are_broken:
+            # They are in the midst of it, and end when their launcher sees this process fail.
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(status)
+        if not self.are_at_work:
+            self._run_together()
+
+    def _run_together(self) -> None:
+        """Run what the first rank reads: here nothing, there a deck or nothing as well."""
+        from lammps_blast.engine import start_lammps
+
+        self.are_at_work = True
+        lammps = start_lammps(log="none")
+        try:
+            lammps.file(os.devnull)
+        except Exception as error:
+            if is_of_one_rank(error):
+                print(error, file=sys.stderr, flush=True)
+                os._exit(1)
+        lammps.close()
+        lammps.finalize()
+
+
+def is_of_one_rank(error: Exception) -> bool:
+    """Tell whether an error of LAMMPS came to one rank alone, and left the others waiting."""
+    return type(error).__name__ == "MPIAbortException"
+
+
+class RankedLammps:
+    """LAMMPS in several ranks on this machine, in the present folder.
+
+    Parameters
+    ----------
+    ranks
+        How many.
+    arguments
+        LAMMPS's command line.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no `mpiexec` or `lmp`.
+    OSError
+        If they cannot be started.
+    """
+
+    def __init__(self, ranks: int, arguments: list[str]) -> None:
+        mpiexec, lmp = find_mpiexec(), find_lmp()
+        for name, program in (("mpiexec", mpiexec), ("lmp", lmp)):
+            if program is None:
+                raise FileNotFoundError(f"there is no {name} in this environment or on the PATH")
+        command = [str(mpiexec), "-n", str(ranks), str(lmp), *arguments, "-log", "none", "-nocite"]
+        # In a session of its own, so that Ctrl-C comes to this process alone, and stops once.
+        self._process = subprocess.Popen(
+            command,
+            env=program_environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            start_new_session=True,
+            preexec_fn=_end_with_parent,
+        )
+
+    def stop(self) -> None:
+        """Ask all ranks to write a restart file after the present step, and to end."""
+        with contextlib.suppress(ProcessLookupError):
+            self._process.send_signal(signal.SIGTERM)
+
+    def wait(self) -> None:
+        """Wait until all ranks have ended.
+
+        Raises
+        ------
+        RankError
+            If they did not end well.
+        """
+        assert self._process.stdout is not None
+        said = deque(self._process.stdout, maxlen=_KEPT_LINES)
+        status = self._process.wait()
+        if status == 0:
+            return
+        text = "".join(said)
+        raise RankError(_how_they_ended(text, status), _error_of_lammps(text))
+
+
+def _end_with_parent() -> None:
+    """Have the system ask this process to stop when the one that started it dies."""
+    with contextlib.suppress(OSError):
+        ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGTERM)
+
+
+def _error_of_lammps(output: str) -> str | None:
+    """Return LAMMPS's error in the output of its ranks, with the command that it stopped at."""
+    end = r"(?=^(?:application called|=====|Abort)|\Z)"
+    found = re.search(rf"^ERROR(?: on proc \d+)?:.*?{end}", output, re.M | re.S)
+    return found[0].strip() if found else None
+
+
+def _how_they_ended(output: str, status: int) -> str:
+    found = re.search(r"EXIT CODE: (\d+)", output)
+    code = int(found[1]) if found else status
+    with contextlib.suppress(ValueError):
+        return f"a rank of LAMMPS died, of signal {signal.Signals(code).name}"
+    return f"a rank of LAMMPS ended with status {code}"

@@ -1,0 +1,160 @@
+"""Going on with a run that was interrupted, or making a finished one longer."""
+
+from __future__ import annotations
+
+import filecmp
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lammps_blast.case import Case, CaseError, ParticlesFromFile, dump_case, load_case, parse_case
+from lammps_blast.deck import CASE, DECK, PARTICLE_TABLE, RESTARTS
+from lammps_blast.pair_commands import number
+from lammps_blast.restart_notes import RestartNotes, newest_restart
+
+# What may change when a run goes on: how it is called, how long it lasts, how often it is saved.
+FREE_KEYS = {"name", "title", "time.duration", "output.restart_interval"}
+
+
+class ResumptionError(RuntimeError):
+    """A run cannot be gone on with; `str()` says why and what to do."""
+
+
+@dataclass(frozen=True)
+class Resumption:
+    """A run to go on with.
+
+    Attributes
+    ----------
+    case
+        The case of the run folder, with its new duration.
+    state
+        Where it goes on; None from the beginning.
+    """
+
+    case: Case
+    state: RestartNotes | None
+
+    @property
+    def steps_done(self) -> int:
+        """Steps of LAMMPS that need not be done again."""
+        return self.state.step if self.state else 0
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether there is nothing left to simulate."""
+        return self.steps_done == self.case.timesteps
+
+
+def resumption(case_file: Path, folder: Path) -> Resumption:
+    """Compare a case with the run of a folder, and find where that goes on.
+
+    Raises
+    ------
+    ResumptionError
+        If there is no run in the folder, or it is one of another case.
+    CaseError
+        If the case is invalid, or its duration does not fit the steps of the run.
+    """
+    if not (folder / CASE).is_file():
+        raise ResumptionError(f"{folder} holds no run to go on with: run it without --resume")
+    kept = load_case(folder / CASE)
+    asked = load_case(case_file)
+    as_it_was = load_case(case_file, duration=kept.time.duration)
+    if changes := _changes(kept, as_it_was) + _changed_particles(kept, asked, folder):
+        lines = "\n".join(f"  {change}" for change in changes)
+        raise ResumptionError(
+            f"{folder} holds a run of another case than {case_file}:\n{lines}\n"
+            "undo these changes, or run the case in another folder (--output)"
+        )
+    case = _with_duration(kept, asked, as_it_was)
+    state = newest_restart(folder, RESTARTS)
+    if state and not (folder / DECK).is_file():
+        raise ResumptionError(f"{folder / DECK} is gone: a run cannot go on without its deck")
+    if state and state.step > case.timesteps:
+        raise ResumptionError(
+            f"the run in {folder} has come to {state.time:g} s already:"
+            f" time.duration must be at least that, got {case.time.duration:g}"
+        )
+    return Resumption(case, state)
+
+
+def prepare_resumption(run: Resumption, folder: Path) -> None:
+    """Write the duration of a run that goes on into its case and its deck.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
+    assert run.case.output.restart_interval is not None  # resolved when the case was checked
+    settings = {
+        "duration": run.case.time.duration,
+        "restart_interval": run.case.output.restart_interval,
+    }
+    deck = (folder / DECK).read_text(encoding="ascii")
+    for name, value in settings.items():
+        line = f"variable {name} index {number(value)}"
+        deck = re.sub(rf"^variable {name} index .*$", line, deck, count=1, flags=re.M)
+    _replace(folder / DECK, deck)
+    _replace(folder / CASE, dump_case(run.case))
+
+
+def _replace(file: Path, text: str) -> None:
+    """Write a file so that it holds the old text or the new one, whatever happens."""
+    unfinished = file.with_name(f"{file.name}.unfinished")
+    unfinished.write_text(text, encoding="utf-8")
+    unfinished.replace(file)
+
+
+def _changes(kept: Case, asked: Case) -> list[str]:
+    before, after = _flat(_content(kept)), _flat(_content(asked))
+    return [
+        f"{key}: {before.get(key, 'absent')} in the run, {after.get(key, 'absent')} in the case"
+        for key in sorted(before.keys() | after.keys())
+        if before.get(key) != after.get(key) and key not in FREE_KEYS
+    ]
+
+
+def _content(case: Case) -> Mapping[str, Any]:
+    content = case.model_dump(mode="json")
+    if isinstance(case.particles, ParticlesFromFile):
+        content["particles"]["file"] = PARTICLE_TABLE  # what the run folder calls its copy
+    return content
+
+
+def _flat(content: Any, path: str = "") -> dict[str, Any]:
+    """Return all values of nested mappings by the paths of their keys."""
+    if not isinstance(content, Mapping):
+        return {path: content}
+    values: dict[str, Any] = {}
+    for key, value in content.items():
+        values |= _flat(value, f"{path}.{key}" if path else key)
+    return values
+
+
+def _changed_particles(kept: Case, asked: Case, folder: Path) -> list[str]:
+    files = [
+        case_folder / case.particles.file
+        for case, case_folder in ((kept, folder), (asked, asked.folder))
+        if isinstance(case.particles, ParticlesFromFile)
+    ]
+    if len(files) < 2 or filecmp.cmp(*files, shallow=False):
+        return []
+    return [f"particles.file: {files[1]} is not what it was when the run began"]
+
+
+def _with_duration(kept: Case, asked: Case, as_it_was: Case) -> Case:
+    content = kept.model_dump(mode="json")
+    content["title"] = asked.title
+    content["time"]["duration"] = asked.time.duration
+    content["output"]["restart_interval"] = as_it_was.output.restart_interval
+    case = parse_case(content, kept.folder)
+    if abs(case.timestep - kept.timestep) > 1e-9 * kept.timestep:
+        raise CaseError(
+            f"time.duration: must be a whole number of {kept.timestep!r} s, the steps of LAMMPS"
+            f" in the run to go on with, got {case.time.duration!r}"
+        )
+    return case

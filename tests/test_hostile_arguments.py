@@ -38,6 +38,9 @@ RIGHT = {
     ),
     "fix blast/losses": (4, "fix f all blast/losses work yes", MOVE),
     "fix blast/watch": (4, "fix f all blast/watch 2 strain 0.9 advice 1e-5", MOVE),
+    "fix blast/restart": (4, "fix f all blast/restart", MOVE),
+    # Its file may be called anything.
+    "fix blast/table": (6, "fix f all blast/table 2 table.csv v_one", MOVE),
     "fix BLAST/BONDS": (4, "fix f all BLAST/BONDS", MOVE),
     "pair_style blast/contact": (2, "pair_style blast/contact rotation yes", CONTACT, MOVE),
     "pair_style blast/nearfield": (
@@ -62,6 +65,7 @@ RIGHT = {
 BEFORE = {
     "pair_coeff blast/contact": "pair_style blast/contact",
     "pair_coeff blast/nearfield": "pair_style blast/nearfield 0.5 mass",
+    "fix blast/table": "variable one equal 1",
     "compute blast/contact/local": f"pair_style blast/contact\n{CONTACT}",
 }
 NO_NUMBERS = (

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import csv
 import warnings
+from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ from MDAnalysis.coordinates.timestep import Timestep
 from lammps_blast import theory
 from lammps_blast.case import Case
 from lammps_blast.deck import BINARY_CONSTANTS, ENERGY_ACCOUNTS
+from lammps_blast.input_files import lines_of_numbers, regular_files_only
 from lammps_blast.spheroid import EQUAL_TOLERANCE, SpheroidTheory, spheroid_theory
 
 # Particles on the theoretical envelope are not outside it because of rounding.
@@ -615,7 +617,10 @@ class EnergyLedger:
         own = ("time", *ENERGY_ACCOUNTS)
         if names[: len(own)] != own:
             raise AnalysisError(f"{path}: not an energy table of this version")
-        return cls(*table.T[: len(own)])
+        ledger = cls(*table.T[: len(own)])
+        if not (np.isfinite(ledger.times) & (ledger.times >= 0.0)).all():
+            raise AnalysisError(f"{path}: damaged: a time that is negative or no number")
+        return ledger
 
 
 def read_table(path: Path, what: str) -> tuple[tuple[str, ...], np.ndarray]:
@@ -637,13 +642,31 @@ def read_table(path: Path, what: str) -> tuple[tuple[str, ...], np.ndarray]:
         If the last line was cut short, as when a run was killed; it is left out.
     """
     try:
-        complete, _, cut = path.read_text(encoding="ascii").rpartition("\n")
-        if cut:
-            warnings.warn(f"{path}: the last line was cut short and is left out", stacklevel=3)
-        rows = list(csv.reader(complete.splitlines()))
-        table = np.array(rows[1:], dtype=float).reshape(-1, len(rows[0]))
-    except (OSError, ValueError, IndexError, UnicodeDecodeError, csv.Error) as error:
+        with open(path, encoding="ascii", opener=regular_files_only) as file:
+            names, values, cut = _read_rows(lines_of_numbers(file))
+    except OSError as error:
+        raise AnalysisError(f"{path}: not {what} ({error.strerror})") from error
+    except (ValueError, csv.Error) as error:
         raise AnalysisError(f"{path}: not {what} ({error})") from error
-    if len(table) == 0:
+    if cut:
+        warnings.warn(f"{path}: the last line was cut short and is left out", stacklevel=3)
+    if not values:
         raise AnalysisError(f"{path}: not {what} (it has no rows)")
-    return tuple(rows[0]), table
+    return names, np.frombuffer(values).reshape(-1, len(names))
+
+
+def _read_rows(lines: Iterator[str]) -> tuple[tuple[str, ...], array, bool]:
+    """Return names, the numbers of all rows on end, and whether the last line has no end."""
+    names: tuple[str, ...] = ()
+    values = array("d")
+    for number, line in enumerate(lines, start=1):
+        if not line.endswith("\n"):
+            return names, values, True
+        row = next(csv.reader([line], strict=True), [])
+        if number == 1:
+            names = tuple(row)
+        elif len(row) != len(names):
+            raise ValueError(f"line {number} has {len(row)} values for {len(names)} columns")
+        else:
+            values.extend(map(float, row))
+    return names, values, False

@@ -35,6 +35,7 @@ from lammps_blast.analysis import (
 )
 from lammps_blast.case import Case, CaseError, Contact, load_case
 from lammps_blast.clumps import CLUMP_NUMBERS, Clumps, PairDistances
+from lammps_blast.command_line import tell
 from lammps_blast.contacts import CONTACT_NUMBERS, ContactFrames, Contacts
 from lammps_blast.deck import (
     CASE,
@@ -45,6 +46,7 @@ from lammps_blast.deck import (
     STEP_TABLE,
     counted,
 )
+from lammps_blast.input_files import NUMBER, mapped
 from lammps_blast.neighbours import pair_blocks
 from lammps_blast.pair_histories import FEW_PARTICLES, PairHistories
 from lammps_blast.relaxation import RelaxationReport
@@ -78,6 +80,8 @@ FIGURES = (
 
 TRACKED_PARTICLES = 6
 DISTANCE_FRAMES = 3
+
+_LOOP_TIME = re.compile(rb"^Loop time of " + NUMBER + rb" on \d+ procs for (\d+) steps", re.M)
 
 # What a run must keep to, as parts of the energy turned over or of the envelope's size.
 LEDGER_LIMIT = 1e-6
@@ -532,12 +536,12 @@ def _without_nan(value: Any) -> Any:
 def wall_seconds_of(log: Path) -> float | None:
     """Return the seconds that the run in LAMMPS's log took, in all its parts; None without one."""
     try:
-        text = log.read_text(encoding="utf-8", errors="replace")
+        with mapped(log) as text:
+            after_relaxation = text.rfind(b"\nRelaxed packing: steps ") + 1
+            loops = (found.groups() for found in _LOOP_TIME.finditer(text, after_relaxation))
+            parts = [float(seconds) for seconds, steps in loops if steps != b"0"]
     except OSError:
         return None
-    after_relaxation = text[text.rfind("\nRelaxed packing: steps ") + 1 :]
-    loops = re.findall(r"^Loop time of (\S+) on \d+ procs for (\d+) steps", after_relaxation, re.M)
-    parts = [float(seconds) for seconds, steps in loops if steps != "0"]
     return sum(parts) if parts else None
 
 
@@ -547,14 +551,15 @@ def report(summary: Mapping[str, Any]) -> str:
     lines = [
         f"{summary['name']}: {counted(summary['particles'], 'particle')},"
         f" {counted(summary['frames'], 'frame')},"
-        f" {summary['duration']:.4g} s",
-        f"  outermost particles: {envelope['extent_parallel']:.6g} m along {summary['axis']},"
-        f" {envelope['extent_perpendicular']:.6g} m across",
+        f" {_shown(summary['duration'], 4)} s",
+        f"  outermost particles: {_shown(envelope['extent_parallel'])} m along {summary['axis']},"
+        f" {_shown(envelope['extent_perpendicular'])} m across",
     ]
     if summary["complete"] is False:
         lines.append("  WARNING: the trajectory ends before the duration that its case asks for")
     if "kinetic" in energy:
-        lines.insert(1, f"  kinetic energy {energy['launch']:.6g} J -> {energy['kinetic']:.6g} J")
+        launch, last = _shown(energy["launch"]), _shown(energy["kinetic"])
+        lines.insert(1, f"  kinetic energy {launch} J -> {last} J")
     if envelope["theory"]:
         lines.append(
             "  spheroid, measured and exact: "
@@ -594,7 +599,7 @@ def _clump_report(summary: Mapping[str, Any]) -> list[str]:
         return [pieces]
     touching = (
         f"  {counted(contacts['first'], 'contact')} -> {contacts['last']},"
-        f" at most {contacts['most']}; largest strain {contacts['largest_strain']:.3g}"
+        f" at most {contacts['most']}; largest strain {_shown(contacts['largest_strain'], 3)}"
     )
     return [pieces, touching]
 
@@ -617,6 +622,11 @@ def _summation_report(summary: Mapping[str, Any]) -> list[str]:
     if used["method"] == "direct":
         return ["  near field summed directly over all pairs"]
     return [f"  near field summed by tree, with an error of {used['error']:.1e} of the force"]
+
+
+def _shown(value: float | None, digits: int = 6) -> str:
+    """Return a number of a summary, which has None for what is not finite."""
+    return "not a number" if value is None else f"{value:.{digits}g}"
 
 
 def _pair(envelope: Mapping[str, Any], name: str) -> str:
@@ -653,19 +663,22 @@ def main(argv: list[str] | None = None) -> int:
             figures=not options.no_figures,
         )
     except CaseError as error:
-        print(error, file=sys.stderr)
+        tell(error, sys.stderr)
         return 2
     except (TrajectoryError, AnalysisError, OSError) as error:
-        print(f"cannot analyse: {error}", file=sys.stderr)
+        tell(f"cannot analyse: {error}", sys.stderr)
         return 3
-    print(report(summary))
-    print(f"  results in {folder}")
+    except MemoryError:
+        tell("cannot analyse: a frame needs more memory than there is", sys.stderr)
+        return 3
+    tell(report(summary))
+    tell(f"  results in {folder}")
     return 0
 
 
 def _print_warnings(caught: Sequence[warnings.WarningMessage]) -> None:
     for text in dict.fromkeys(str(warning.message) for warning in caught):
-        print(f"warning: {text}", file=sys.stderr)
+        tell(f"warning: {text}", sys.stderr)
 
 
 def _result_folder(path: Path) -> Path:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import io
+import itertools
 import math
 import reprlib
 import unicodedata
@@ -35,10 +36,22 @@ from pydantic import (
 )
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import (
+    AliasEvent,
+    CollectionEndEvent,
+    CollectionStartEvent,
+    Event,
+    NodeEvent,
+)
 
+from lammps_blast.input_files import regular_files_only
 from lammps_blast.interactions import softened_stiffness
 
-MAX_FILE_BYTES = 2**18
+MAX_FILE_BYTES = 2**16
+# What a case file may hold of collections and scalars, of collections inside each other, and of
+# aliases, whose number bounds how far they can multiply what they stand for.
+MAX_NODES, MAX_DEPTH, MAX_ALIASES = 2000, 20, 20
+MAX_PROBLEMS = 50
 # LAMMPS counts the steps of one `run` in a 32-bit integer.
 MAX_STEPS = 2**31 - 1
 # A duration is a whole number of steps when it misses one by less than this part of itself.
@@ -879,7 +892,7 @@ def load_case(path: Path, *, of_run: Case | None = None) -> Case:
     """
     path = Path(path)
     try:
-        with path.open("rb") as stream:
+        with open(path, "rb", opener=regular_files_only) as stream:
             content = stream.read(MAX_FILE_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
@@ -929,7 +942,10 @@ def parse_case(source: str | Mapping[str, Any] | None, folder: Path) -> Case:
     try:
         return Case.model_validate(dict(content), context={"folder": Path(folder)})
     except ValidationError as error:
-        raise CaseError(*_problems(error)) from None
+        problems = _problems(error)
+        first = list(itertools.islice(problems, MAX_PROBLEMS))
+        more = ["further problems are not listed"] if next(problems, None) else []
+        raise CaseError(*first, *more) from None
 
 
 def dump_case(case: Case) -> str:
@@ -952,17 +968,37 @@ def _yaml() -> YAML:
 
 def _parse_yaml(text: str) -> Any:
     try:
+        _check_structure(_yaml().parse(text))
         return _yaml().load(text)
+    except CaseError:
+        raise
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
         what = _one_line(error.problem or error.context)
         raise CaseError(f"{where}not valid YAML: {what}") from None
-    except RecursionError:
-        raise CaseError("not valid YAML: nested too deeply") from None
     # The loader passes on what int() and others say of scalars such as a 5000-digit number.
     except (YAMLError, ValueError, OverflowError) as error:
         raise CaseError(f"not valid YAML: {_one_line(error)}") from None
+
+
+def _check_structure(events: Iterator[Event]) -> None:
+    """Refuse what is small as a text and huge or no plain value when it has been loaded."""
+    depth = nodes = aliases = 0
+    for event in events:
+        where = f"line {event.start_mark.line + 1}, column {event.start_mark.column + 1}: "
+        depth += isinstance(event, CollectionStartEvent) - isinstance(event, CollectionEndEvent)
+        nodes += isinstance(event, NodeEvent)
+        aliases += isinstance(event, AliasEvent)
+        if depth > MAX_DEPTH:
+            raise CaseError(f"{where}nested too deeply")
+        if nodes > MAX_NODES:
+            raise CaseError(f"{where}more than {MAX_NODES} values, too many for a case")
+        if aliases > MAX_ALIASES:
+            raise CaseError(f"{where}more than {MAX_ALIASES} aliases (such as *name)")
+        if getattr(event, "tag", None) is not None:
+            tag = _one_line(event.tag).replace("tag:yaml.org,2002:", "!!")
+            raise CaseError(f"{where}a case file has no use for tags such as {tag}")
 
 
 def _one_line(message: object) -> str:

@@ -1,6 +1,7 @@
 """The console script `lammps-blast`: one name for the package's commands."""
 
 import sys
+from typing import TextIO
 
 USAGE = """usage: lammps-blast COMMAND ...
 
@@ -32,6 +33,21 @@ def main(argv: list[str] | None = None) -> int:
         print(USAGE, file=sys.stdout if command in ("-h", "--help") else sys.stderr)
         return 0 if command in ("-h", "--help") else 2
     return chosen(rest)
+
+
+def tell(text: object, stream: TextIO | None = None) -> None:
+    """Print what may quote a name of a file: whatever that holds, and whatever can be shown.
+
+    Control characters, with which a name could write to a terminal what it likes, and characters
+    that the stream lacks are escaped. Without a stream it goes to standard output.
+    """
+    stream = stream or sys.stdout
+    escaped = "".join(
+        c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode()
+        for c in str(text)
+    )
+    encoding = stream.encoding or "ascii"
+    print(escaped.encode(encoding, "backslashreplace").decode(encoding), file=stream)
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ from MDAnalysis import Universe
 from MDAnalysis.analysis.base import AnalysisBase
 
 from lammps_blast.analysis import AnalysisError, Cloud
+from lammps_blast.input_files import regular_files_only
 from lammps_blast.neighbours import close_pairs
 from lammps_blast.trajectory import TrajectoryError
 
@@ -156,7 +157,7 @@ class ContactFrames:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
         try:
-            with self.path.open("rb") as file:
+            with open(self.path, "rb", opener=regular_files_only) as file:
                 if os.fstat(file.fileno()).st_size == 0:
                     raise TrajectoryError(f"{self.path}: the file is empty")
                 with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as buffer:
@@ -195,7 +196,7 @@ class ContactFrames:
             return None
         start, stop = self._extents[step]
         try:
-            with self.path.open("rb") as file:
+            with open(self.path, "rb", opener=regular_files_only) as file:
                 file.seek(start)
                 raw = file.read(stop - start)
         except OSError as error:

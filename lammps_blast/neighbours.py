@@ -8,6 +8,8 @@ from itertools import combinations_with_replacement
 import numpy as np
 from scipy.spatial import cKDTree
 
+from lammps_blast.case import LARGEST_SIZE
+
 # Spheres that are searched for neighbours at a time: it bounds the memory that pairs take.
 BLOCK = 16384
 
@@ -20,7 +22,7 @@ def pair_blocks(
     Parameters
     ----------
     position : (N, 3) m
-        Spheres without a finite position have no pairs.
+        Spheres that are nowhere, or where no distance can be squared, have no pairs.
     radius : (N,) m
         As unequal as you like; two spheres of radius zero are never a pair.
     reach
@@ -55,10 +57,11 @@ def _blocks(position: np.ndarray, radius: np.ndarray) -> Iterator[np.ndarray]:
 
     Like sizes, because the largest sphere of a block decides how far its neighbours are sought.
     """
-    finite = np.flatnonzero(np.isfinite(position).all(axis=1))
-    octave = np.frexp(radius[finite])[1]
+    somewhere = (np.abs(position) <= LARGEST_SIZE).all(axis=1) & (np.abs(radius) <= LARGEST_SIZE)
+    known = np.flatnonzero(somewhere)
+    octave = np.frexp(radius[known])[1]
     for size in np.unique(octave):
-        members = finite[octave == size]
+        members = known[octave == size]
         members = members[np.argsort(position[members, 0], kind="stable")]
         yield from np.array_split(members, -(-len(members) // BLOCK))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import difflib
 import math
+from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +25,8 @@ from lammps_blast.case import (
     shown,
     shown_path,
 )
+from lammps_blast.input_files import lines_of_numbers, regular_files_only
+from lammps_blast.resource_limits import BYTES_TO_PACK, memory_shortage, most_particles
 
 FloatArray = NDArray[np.float64]
 
@@ -110,12 +113,23 @@ def create_particles(case: Case) -> Particles:
     ParticleFileError
         If the particle file cannot be used.
     CaseError
-        If a mass or a charge is out of the range of floating-point numbers, the near field has
+        If there is not memory enough, a mass or a charge is out of the range of floating-point
+        numbers, the near field has
         nothing to act on or attracts without bound, or the pulse would launch particles faster than
         light.
     """
+    try:
+        return _particles_of(case)
+    except MemoryError:
+        text = "particles: they need more memory than there is; take fewer, or a larger machine"
+        raise CaseError(text) from None
+
+
+def _particles_of(case: Case) -> Particles:
     section = case.particles
     if isinstance(section, PackedParticles):
+        if shortage := memory_shortage(section.count, BYTES_TO_PACK):
+            raise PackingError(f"particles.count: {shortage}")
         _check_magnitudes(section.radius, section.density, section.charge_per_mass)
         particles = _pack(section, np.random.default_rng(case.seed))
     else:
@@ -174,11 +188,7 @@ def _check_magnitudes(
 def _pack(section: PackedParticles, rng: np.random.Generator) -> Particles:
     count = section.count
     place = place_for_relaxation if section.packing.relax else pack_spheres
-    try:
-        position = place(count, section.radius, section.packing.domain_radius, rng)
-    except MemoryError:
-        text = f"particles.count: {count} spheres need more memory than there is"
-        raise PackingError(text) from None
+    position = place(count, section.radius, section.packing.domain_radius, rng)
     positive = rng.permutation(count) < section.positive_count
     return Particles(
         position=position,
@@ -472,7 +482,7 @@ def read_particles(path: Path, allow_overlap: bool = False, interacting: bool = 
     """
     path = Path(path)
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
+        with open(path, encoding="utf-8-sig", newline="", opener=regular_files_only) as stream:
             table = _read_table(stream)
     except UnicodeDecodeError:
         raise _file_error(path, "not a text file in UTF-8") from None
@@ -527,21 +537,23 @@ class _Table:
 
 def _read_table(stream: TextIO) -> _Table:
     """Read header and rows; raise CaseError with the problems found."""
-    reader = csv.reader(stream, strict=True)
+    reader = csv.reader(lines_of_numbers(stream), strict=True)
+    most = most_particles(BYTES_TO_PACK)
     try:
         header = [name.strip() for name in next(reader, [])]
         problems = list(_header_problems(header))
         if problems:
             raise CaseError(*problems)
-        rows: list[list[float]] = []
-        lines: list[int] = []
+        values, lines = array("d"), array("q")
         for fields in reader:
             if not fields:
                 continue
             row = _numbers(fields)
             if len(row) == len(header) and _is_in_range(row, header):
-                rows.append(row)
+                values.extend(row)
                 lines.append(reader.line_num)
+                if len(lines) > most and (shortage := memory_shortage(len(lines), BYTES_TO_PACK)):
+                    raise CaseError(shortage)
             else:
                 problems += (
                     f"line {reader.line_num}: {text}" for text in _row_problems(fields, header)
@@ -553,9 +565,9 @@ def _read_table(stream: TextIO) -> _Table:
         raise CaseError(f"line {reader.line_num}: not CSV: {error}") from None
     if problems:
         raise CaseError(*problems)
-    if not rows:
+    if not lines:
         raise CaseError("no particles below the header")
-    return _Table(header, np.array(rows), lines)
+    return _Table(header, np.frombuffer(values).reshape(len(lines), len(header)), lines)
 
 
 def _header_problems(header: Sequence[str]) -> Iterator[str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lammps_blast.analysis import AnalysisError, read_table
+from lammps_blast.case import LARGEST_SIZE, SMALLEST_SIZE
 
 COLUMNS = ("time", "step", "corrections", "error", "restarts", "evaluations")
 
@@ -69,4 +70,7 @@ class StepHistory:
         names, table = read_table(path, "a table of steps")
         if names != COLUMNS:
             raise AnalysisError(f"{path}: not a table of steps of this version")
-        return cls(*table.T)
+        history = cls(*table.T)
+        if not (np.abs(table).max() <= LARGEST_SIZE and history.step.min() >= SMALLEST_SIZE):
+            raise AnalysisError(f"{path}: damaged: a number that no step can have")
+        return history

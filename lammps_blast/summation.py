@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
-_NUMBER = r"([-+.\w]+)"
+from lammps_blast.input_files import NUMBER, mapped
+
 _LINE = re.compile(
-    r"^Near field at step (\d+): (?:direct sum|"
-    rf"tree of order (\d+), opening {_NUMBER}, error {_NUMBER} of the force)",
+    rb"^Near field at step (\d{1,18}): (?:direct sum|"
+    rb"tree of order (\d{1,9}), opening " + NUMBER + rb", error " + NUMBER + rb" of the force)",
     re.M,
 )
 
@@ -42,13 +44,13 @@ class SummationReport:
     def read(cls, log: Path) -> SummationReport | None:
         """Find the last report in LAMMPS's log; None if there is none."""
         try:
-            text = log.read_text(encoding="utf-8", errors="replace")
+            with mapped(log) as text:
+                last = deque((found.groups() for found in _LINE.finditer(text)), maxlen=1)
         except OSError:
             return None
-        found = list(_LINE.finditer(text))
-        if not found:
+        if not last:
             return None
-        step, order, opening, error = found[-1].groups()
+        step, order, opening, error = last[0]
         if order is None:
             return cls("direct", int(step), None, None, 0.0)
         return cls("tree", int(step), int(order), float(opening), float(error))

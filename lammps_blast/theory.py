@@ -1126,6 +1126,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     # Imported here: the closed forms above are of use without case files.
     from lammps_blast.case import CaseError, load_case
+    from lammps_blast.command_line import tell
     from lammps_blast.derived_numbers import derive_numbers
 
     parser = argparse.ArgumentParser(
@@ -1138,7 +1139,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         numbers = derive_numbers(load_case(arguments.case))
     except CaseError as error:
-        print(error, file=sys.stderr)
+        tell(error, sys.stderr)
         return 2
     if arguments.json:
         print(numbers.to_json())

@@ -73,6 +73,7 @@ from lammps_blast.deck import (
     CONSTANT_COLUMNS,
     TEXT_TRAJECTORY,
 )
+from lammps_blast.input_files import regular_files_only
 from lammps_blast.text_columns import read_text_columns
 
 FORMATS = ["BLASTDUMP", "LAMMPSBIN"]  # the second makes MDAnalysis know the file by its suffix
@@ -92,7 +93,7 @@ NEXT_ITEM = re.compile(b"ITEM:")  # finds several times faster than a memory map
 # Frames of a binary dump after which all others may be taken for as long as the last of them: the
 # first may differ, by its columns or by naming the units.
 FRAMES_TO_COMPARE = 3
-MAX_STEP = 2**63
+MAX_STEP = 2**63 - 1
 MAX_ID = 2**53  # a binary dump stores ids as doubles
 
 Buffer = mmap.mmap | bytes
@@ -263,10 +264,9 @@ class _Text:
     def end(buffer: Buffer, header: _Header) -> int:
         if following := NEXT_ITEM.search(buffer, header.body):
             return following.start()
-        rest = buffer[header.body :]
-        if rest.count(b"\n") < header.n_atoms:
+        if _count_lines(buffer, header.body) < header.n_atoms:
             raise _CutError
-        return header.body + rest.rfind(b"\n") + 1
+        return buffer.rfind(b"\n", header.body) + 1
 
     @staticmethod
     def table(frame: bytes, header: _Header, columns: _Columns) -> np.ndarray:
@@ -287,6 +287,12 @@ class _Text:
         if table.shape == shape:
             return table
         return _parse_lines(frame[header.body : -1], columns)  # blank lines are no error to numpy
+
+
+def _count_lines(buffer: Buffer, start: int) -> int:
+    """Count line ends from an offset on, without a copy of what may be all of a large file."""
+    pieces = range(start, len(buffer), MAX_LINE)
+    return sum(buffer[at : at + MAX_LINE].count(b"\n") for at in pieces)
 
 
 def _parse_lines(body: bytes, columns: _Columns) -> np.ndarray:
@@ -493,7 +499,7 @@ class _Dump:
     @classmethod
     def scan(cls, path: str, limit: int | None = None) -> _Dump:
         """Find the first ``limit`` frames (all, if None) without reading their atoms."""
-        with _located(path), open(path, "rb") as file:
+        with _located(path), open(path, "rb", opener=regular_files_only) as file:
             if os.fstat(file.fileno()).st_size == 0:
                 raise TrajectoryError("the file is empty")
             with closing(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) as buffer:
@@ -649,6 +655,13 @@ def _check_same(header: _Header, first: _Header) -> None:
         raise TrajectoryError("damaged header: a time step beyond what LAMMPS can count")
     if header.n_atoms <= 0:
         raise TrajectoryError(f"{header.n_atoms} atoms")
+    if header.time is not None and not np.isfinite(header.time):
+        raise TrajectoryError(f"damaged header: {header.time} is no time")
+    if None not in (header.time, first.time) and header.time < first.time:
+        raise TrajectoryError(
+            f"damaged header: a time of {header.time:g} s is before that of frame 0, "
+            f"{first.time:g} s"
+        )
     if header.n_atoms != first.n_atoms:
         raise TrajectoryError(
             f"{header.n_atoms} atoms, but {first.n_atoms} in frame 0; "
@@ -668,12 +681,12 @@ def _located(place: str) -> Iterator[None]:
     except TrajectoryError as error:
         raise TrajectoryError(f"{place}: {error}") from None
     except OSError as error:
-        raise TrajectoryError(f"{place}: cannot be read: {error.strerror}") from error
+        raise TrajectoryError(f"{place}: cannot be read: {error.strerror or error}") from error
 
 
 def _open(path: str) -> BinaryIO:
     with _located(path):
-        return open(path, "rb")
+        return open(path, "rb", opener=regular_files_only)
 
 
 class BlastDumpReader(ReaderBase):

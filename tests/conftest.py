@@ -111,7 +111,7 @@ def lmp(*arguments, folder, ranks=1):
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
 
 
-def blast(command, *arguments, folder):
+def blast(command, *arguments, folder, **options):
     """Run `python -m lammps_blast.COMMAND` in a folder."""
     return subprocess.run(
         [sys.executable, "-m", f"lammps_blast.{command}", *map(str, arguments)],
@@ -119,4 +119,5 @@ def blast(command, *arguments, folder):
         capture_output=True,
         text=True,
         timeout=300,
+        **options,
     )

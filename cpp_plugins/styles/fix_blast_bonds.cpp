@@ -1,6 +1,7 @@
 #include "fix_blast_bonds.h"
 
 #include "atom.h"
+#include "error.h"
 
 #include <algorithm>
 #include <mpi.h>
@@ -10,6 +11,7 @@ using namespace FixConst;
 
 FixBlastBonds::FixBlastBonds(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
 {
+  if (narg != 3) error->all(FLERR, "Fix BLAST/BONDS takes no arguments");
   restart_peratom = 1;
   create_attribute = 1;
   maxexchange_dynamic = 1;

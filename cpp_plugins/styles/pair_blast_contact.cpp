@@ -64,6 +64,7 @@ void PairBlastContact::allocate()
 
 void PairBlastContact::settings(int narg, char **arg)
 {
+  rotation = false;
   if (narg == 0) return;
   if (narg != 2 || strcmp(arg[0], "rotation") != 0)
     error->all(FLERR, "{} takes no settings but: rotation yes or no", STYLE);
@@ -75,8 +76,8 @@ void PairBlastContact::coeff(int narg, char **arg)
   if (narg < 2) utils::missing_cmd_args(FLERR, "pair_coeff", error);
   if (!allocated) allocate();
   int ilo, ihi, jlo, jhi;
-  utils::bounds(FLERR, arg[0], 1, types, ilo, ihi, error);
-  utils::bounds(FLERR, arg[1], 1, types, jlo, jhi, error);
+  type_range(lmp, STYLE, arg[0], types, ilo, ihi);
+  type_range(lmp, STYLE, arg[1], types, jlo, jhi);
   const ContactLaw given = law_of_words(narg, arg);
 
   int count = 0;
@@ -153,6 +154,8 @@ ContactLaw PairBlastContact::law_of_words(int narg, char **arg)
   if (softens)
     law.stiffness = blast::softened_stiffness(law.stiffness, softening[0], softening[1],
                                               softening[2], softening[3]);
+  if (!std::isfinite(law.stiffness))
+    error->all(FLERR, "{} thermal makes a stiffness that is not a finite number", STYLE);
   return law;
 }
 

@@ -142,8 +142,8 @@ void PairBlastNearField::coeff(int narg, char **arg)
     error->all(FLERR, "{} takes no pair coefficient {}", STYLE, arg[narg - 1]);
   if (!allocated) allocate();
   int ilo, ihi, jlo, jhi;
-  utils::bounds(FLERR, arg[0], 1, types, ilo, ihi, error);
-  utils::bounds(FLERR, arg[1], 1, types, jlo, jhi, error);
+  type_range(lmp, STYLE, arg[0], types, ilo, ihi);
+  type_range(lmp, STYLE, arg[1], types, jlo, jhi);
 
   NearField given;
   given.attraction = {finite_argument(lmp, STYLE, arg[2]),

@@ -31,6 +31,16 @@ double positive_argument(LAMMPS *lmp, const char *style, const char *keyword, co
   return value;
 }
 
+// What is no integer makes utils::bounds throw what LAMMPS does not catch.
+void type_range(LAMMPS *lmp, const char *style, const char *text, int types, int &low, int &high)
+{
+  const std::string range = text;
+  const bool is_range = utils::strmatch(range, "^\\d+$") || utils::strmatch(range, "^\\d*\\*\\d*$");
+  if (!is_range || range.size() > 9)
+    lmp->error->all(FLERR, "{} has no atom types {}", style, range);
+  utils::bounds(FLERR, range, 1, types, low, high, lmp->error);
+}
+
 void require_arguments(LAMMPS *lmp, const char *style, int iarg, int values, int narg, char **arg)
 {
   if (iarg + values >= narg)

@@ -36,18 +36,22 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def tell(text: object, stream: TextIO | None = None) -> None:
-    """Print what may quote a name of a file: whatever that holds, and whatever can be shown.
-
-    Control characters, with which a name could write to a terminal what it likes, and characters
-    that the stream lacks are escaped. Without a stream it goes to standard output.
-    """
+    """Print what may quote the name of a file, to standard output if nowhere else."""
     stream = stream or sys.stdout
+    print(shown_text(str(text), stream.encoding), file=stream)
+
+
+def shown_text(text: str, encoding: str | None) -> str:
+    """Return a text in which nothing harms a terminal of some encoding.
+
+    Control characters, with which the name of a file could write to a terminal what it likes, and
+    characters that the encoding lacks are escaped.
+    """
     escaped = "".join(
-        c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode()
-        for c in str(text)
+        c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text
     )
-    encoding = stream.encoding or "ascii"
-    print(escaped.encode(encoding, "backslashreplace").decode(encoding), file=stream)
+    encoding = encoding or "ascii"
+    return escaped.encode(encoding, "backslashreplace").decode(encoding)
 
 
 if __name__ == "__main__":

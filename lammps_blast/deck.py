@@ -24,6 +24,7 @@ from lammps_blast.case import (
     load_case,
 )
 from lammps_blast.case_warnings import case_warnings, check_near_field, remarks
+from lammps_blast.command_line import tell
 from lammps_blast.pair_commands import (
     CONTACT_STYLE,
     NEAR_FIELD_STYLE,
@@ -663,12 +664,14 @@ def main(argv: list[str] | None = None) -> int:
         particles = create_particles(case)
         check_near_field(case, particles)
     except CaseError as error:
-        print(error, file=sys.stderr)
+        tell(error, sys.stderr)
         return 2
+    except MemoryError:
+        return _out_of_memory()
     folder = options.output or case.folder
     elsewhere = folder.resolve() != case.folder.resolve()
     if elsewhere and (folder / CASE).exists() and not options.force:
-        print(f"{folder} holds a case already: give --force to replace it", file=sys.stderr)
+        tell(f"{folder} holds a case already: give --force to replace it", sys.stderr)
         return 3
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -676,14 +679,21 @@ def main(argv: list[str] | None = None) -> int:
         if elsewhere:
             write_resolved_case(case, folder)
     except OSError as error:
-        print(f"cannot write the deck: {error}", file=sys.stderr)
+        tell(f"cannot write the deck: {error}", sys.stderr)
         return 3
+    except MemoryError:
+        return _out_of_memory()
     for remark in remarks(case, particles):
-        print(remark, file=sys.stderr)
+        tell(remark, sys.stderr)
     for warning in case_warnings(case, particles):
-        print(f"WARNING: {warning}", file=sys.stderr)
-    print(f"{folder / DECK}: {size_of(case, particles)}")
+        tell(f"WARNING: {warning}", sys.stderr)
+    tell(f"{folder / DECK}: {size_of(case, particles)}")
     return 0
+
+
+def _out_of_memory() -> int:
+    tell("the memory is used up: take fewer particles, or a larger machine", sys.stderr)
+    return 3
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ ends is none for the spheres themselves.
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from pathlib import Path
 
 from lammps_blast import theory
 from lammps_blast.case import PackedParticles
+from lammps_blast.input_files import NUMBER, mapped
 from lammps_blast.pair_commands import CONTACT_STYLE, number
 
 # By this part wider spheres are relaxed, until they overlap by half of it at most.
@@ -42,15 +44,17 @@ class RelaxationReport:
     @classmethod
     def read(cls, log: Path) -> RelaxationReport | None:
         """Find the report in LAMMPS's log; None if there is none."""
-        try:
-            text = log.read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            return None
         pattern = (
-            r"^Relaxed packing: steps (\d+), kinetic energy (\S+) J, largest strain\s+(\S+) of"
+            rb"(?m)^Relaxed packing: steps (\d{1,18}), kinetic energy "
+            + NUMBER
+            + rb" J, largest strain\s+"
+            + NUMBER
+            + rb" of"
         )
-        found = re.search(pattern, text, re.M)
-        return cls(int(found[1]), float(found[2]), float(found[3])) if found else None
+        with contextlib.suppress(OSError), mapped(log) as text:
+            found = re.search(pattern, text)
+            return cls(int(found[1]), float(found[2]), float(found[3])) if found else None
+        return None
 
 
 def relaxation_commands(packed: PackedParticles, step: float) -> str:

@@ -96,13 +96,15 @@ def output_bytes(case: Case, count: int) -> int:
     return (case.timesteps // case.output_every + 1) * count * each
 
 
-def check_room(case: Case, count: int, folder: Path) -> None:
+def check_room(case: Case, count: int, folder: Path, *, reclaimed: int = 0) -> None:
     """Refuse a run of `count` particles whose trajectory cannot fit on the disk of its folder.
 
     Parameters
     ----------
     folder
         It need not exist yet.
+    reclaimed
+        Bytes in it that are free when the run begins.
 
     Raises
     ------
@@ -110,7 +112,7 @@ def check_room(case: Case, count: int, folder: Path) -> None:
         It tells how much the trajectory needs and how much there is.
     """
     there = next(place for place in (folder, *folder.absolute().parents) if place.is_dir())
-    needed, free = output_bytes(case, count), shutil.disk_usage(there).free
+    needed, free = output_bytes(case, count), shutil.disk_usage(there).free + reclaimed
     if needed > free:
         frames = case.timesteps // case.output_every + 1
         raise CaseError(

@@ -18,8 +18,9 @@ from types import FrameType
 
 from rich.console import Console
 
-from lammps_blast.case import Case, CaseError, ParticlesFromFile, load_case
+from lammps_blast.case import Case, CaseError, PackedParticles, ParticlesFromFile, load_case
 from lammps_blast.case_warnings import case_warnings, check_near_field, remarks
+from lammps_blast.command_line import shown_text, tell
 from lammps_blast.deck import (
     BINARY_CONSTANTS,
     CASE,
@@ -45,6 +46,7 @@ from lammps_blast.engine import (
 )
 from lammps_blast.particles import Particles, create_particles
 from lammps_blast.ranks import LaunchedRanks
+from lammps_blast.resource_limits import BYTES_TO_RUN, check_room, memory_shortage
 from lammps_blast.resumption import Resumption, ResumptionError, prepare_resumption, resumption
 
 DONE, INVALID, FAILED, INTERRUPTED = 0, 2, 3, 130
@@ -86,13 +88,16 @@ def _lead(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
     try:
         summary = run_case(options, console, launched)
     except CaseError as error:
-        print(f"{options.case}: not a case that can be run\n{error}", file=sys.stderr)
+        tell(f"{options.case}: not a case that can be run\n{error}", sys.stderr)
         return INVALID
     except InterruptedRunError as interruption:
-        print(interruption, file=sys.stderr)
+        tell(interruption, sys.stderr)
         return INTERRUPTED
     except (FolderError, ResumptionError, EngineError) as error:
-        print(error, file=sys.stderr)
+        tell(error, sys.stderr)
+        return FAILED
+    except MemoryError:
+        tell("the memory is used up: take fewer particles, or a larger machine", sys.stderr)
         return FAILED
     except KeyboardInterrupt:
         print("interrupted; to go on, give --resume", file=sys.stderr)
@@ -100,7 +105,8 @@ def _lead(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
     finally:
         signal.signal(signal.SIGTERM, before)
     with contextlib.suppress(BrokenPipeError):  # nobody reads on: all of it is in the folder
-        print(summary, flush=True)
+        tell(summary)
+        sys.stdout.flush()
     return DONE
 
 
@@ -177,7 +183,7 @@ def run_case(
             elif is_own_input:
                 raise FolderError(f"{folder} holds no restart file: run its case anew elsewhere")
             else:
-                console.print(f"{folder} holds no restart file yet: the run begins anew")
+                _say(console, f"{folder} holds no restart file yet: the run begins anew")
                 particles = _packed(case)
         if particles is not None:
             _prepare_afresh(case, particles, folder, options.force or options.resume, console)
@@ -188,11 +194,15 @@ def run_case(
                 console,
             )
         for warning in lammps_warnings(folder):
-            Console(stderr=True).print(warning, highlight=False, markup=False)
+            _say(Console(stderr=True), warning)
         return analyze_run(folder, figures=not options.no_figures)
 
 
 def _packed(case: Case) -> Particles:
+    if isinstance(case.particles, PackedParticles):
+        shortage = memory_shortage(case.particles.count, BYTES_TO_RUN)
+        if shortage:
+            raise CaseError(f"particles.count: {shortage}")
     particles = create_particles(case)
     check_near_field(case, particles)
     return particles
@@ -202,17 +212,19 @@ def _prepare_afresh(
     case: Case, particles: Particles, folder: Path, force: bool, console: Console
 ) -> None:
     """Write the case and its deck into the run folder."""
+    in_the_way = sum(path.lstat().st_size for path in files_of_a_run(folder))
+    check_room(case, len(particles), folder, reclaimed=in_the_way)
     try:
         prepare_folder(folder, force=force)
         write_resolved_case(case, folder)
         write_deck(case, particles, folder)
     except OSError as error:
         raise FolderError(f"cannot write the run folder {folder}: {error}") from error
-    console.print(f"{case.name}: {size_of(case, particles)} in {folder}")
+    _say(console, f"{case.name}: {size_of(case, particles)} in {folder}")
     for remark in remarks(case, particles):
-        console.print(remark, highlight=False, markup=False)
+        _say(console, remark)
     for warning in case_warnings(case, particles):
-        Console(stderr=True).print(f"WARNING: {warning}", highlight=False, markup=False)
+        _say(Console(stderr=True), f"WARNING: {warning}")
 
 
 def _prepare_to_go_on(run: Resumption, folder: Path, console: Console) -> None:
@@ -223,7 +235,12 @@ def _prepare_to_go_on(run: Resumption, folder: Path, console: Console) -> None:
     except OSError as error:
         raise FolderError(f"cannot write the run folder {folder}: {error}") from error
     what = "is simulated already" if run.is_finished else f"goes on at {run.state.time:g} s"
-    console.print(f"{run.case.name}: {what}, in {folder}", highlight=False)
+    _say(console, f"{run.case.name}: {what}, in {folder}")
+
+
+def _say(console: Console, text: str) -> None:
+    """Print as it is what may quote the name of a file."""
+    console.print(shown_text(text, console.encoding), highlight=False, markup=False)
 
 
 @contextlib.contextmanager
@@ -280,15 +297,18 @@ def prepare_folder(folder: Path, *, force: bool) -> None:
     OSError
         If it cannot be made, or cleared.
     """
-    in_the_way = []
-    if folder.is_dir():
-        in_the_way = [folder / name for name in _products() if (folder / name).exists()]
+    in_the_way = files_of_a_run(folder)
     if in_the_way and not force:
         names = ", ".join(path.name for path in in_the_way[:3])
         raise FolderError(f"{folder} holds a run already ({names}): give --force to replace it")
     folder.mkdir(parents=True, exist_ok=True)
     for path in in_the_way:
         path.unlink()
+
+
+def files_of_a_run(folder: Path) -> list[Path]:
+    """Return what a run has left in a folder, links that lead nowhere among it."""
+    return [folder / name for name in _products() if os.path.lexists(folder / name)]
 
 
 def _products() -> Iterator[str]:

@@ -326,8 +326,12 @@ else &
 if "${{append}} == yes" then &
   "blast_read_restart ${{restart_files}} lock {RUN_LOCK} step ${{step}}" &
   "log {LOG} append"
-fix restart all blast/restart lock {RUN_LOCK}
+fix restart all blast/restart lock {RUN_LOCK}{_binary_words(case)}
 """
+
+
+def _binary_words(case: Case) -> str:
+    return f" binary {BINARY_TRAJECTORY}" if case.output.format == "binary" else ""
 
 
 def _no_neighbours(particles: Particles) -> str:

@@ -1,6 +1,7 @@
 #include "blast_read_restart.h"
 
 #include "file_lock.h"
+#include "kept_output.h"
 #include "restart_box.h"
 #include "style_arguments.h"
 
@@ -44,6 +45,7 @@ void check_outputs(const RestartNotes &notes)
 {
   for (const auto &line : notes.all("output")) {
     const OutputNote output(line);
+    take_output_back(output.name);
     std::error_code failure;
     const auto size = std::filesystem::file_size(output.name, failure);
     if (failure) throw std::runtime_error("goes with " + output.name + ": " + failure.message());
@@ -66,7 +68,12 @@ void BlastReadRestart::command(int narg, char **arg)
   restore_clock(chosen.notes);
   check_step();
   restore_values(chosen.notes);
-  if (comm->me == 0) cut_outputs_back(chosen.notes);
+  if (comm->me != 0) return;
+  try {
+    cut_outputs_back(chosen.notes);
+  } catch (const std::exception &failure) {
+    error->one(FLERR, "{}: {}", STYLE, failure.what());
+  }
 }
 
 void BlastReadRestart::read_arguments(int narg, char **arg)
@@ -182,16 +189,16 @@ void BlastReadRestart::restore_values(const RestartNotes &notes) const
 
 void BlastReadRestart::cut_outputs_back(const RestartNotes &notes) const
 {
-  const auto cut = [this](const OutputNote &output) {
-    std::error_code failure;
-    std::filesystem::resize_file(output.name, output.size, failure);
-    if (failure) error->one(FLERR, "{}: output file {}: {}", STYLE, output.name, failure.message());
-  };
-  for (const auto &line : notes.all("output")) cut(OutputNote(line));
+  for (const auto &line : notes.all("output")) {
+    const OutputNote output(line);
+    std::filesystem::resize_file(output.name, output.size);
+    if (is_binary_dump(output.name)) keep_output(output.name);
+  }
   // The log is a story, not data: it may have been lost.
   for (const auto &line : notes.all("log")) {
     const OutputNote log(line);
     std::error_code failure;
-    if (std::filesystem::file_size(log.name, failure) > log.size && !failure) cut(log);
+    if (std::filesystem::file_size(log.name, failure) > log.size && !failure)
+      std::filesystem::resize_file(log.name, log.size);
   }
 }

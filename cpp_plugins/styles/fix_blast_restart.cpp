@@ -1,5 +1,6 @@
 #include "fix_blast_restart.h"
 
+#include "kept_output.h"
 #include "style_arguments.h"
 
 #include "comm.h"
@@ -35,10 +36,14 @@ extern "C" __attribute__((visibility("default"))) void lammps_blast_stop(int sig
 FixBlastRestart::FixBlastRestart(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
 {
   for (int iarg = 3; iarg < narg; iarg += 2) {
-    if (strcmp(arg[iarg], "lock") != 0)
+    const bool is_lock = strcmp(arg[iarg], "lock") == 0;
+    if (!is_lock && strcmp(arg[iarg], "binary") != 0)
       error->all(FLERR, "Unknown {} keyword: {}", STYLE, arg[iarg]);
     require_arguments(lmp, STYLE, iarg, 1, narg, arg);
-    take_lock(arg[iarg + 1]);
+    if (is_lock)
+      take_lock(arg[iarg + 1]);
+    else
+      binary_dumps.emplace_back(arg[iarg + 1]);
   }
   nevery = comm->nprocs == 1 ? 1 : STEPS_BETWEEN_LOOKS;
   restart_global = 1;
@@ -96,6 +101,14 @@ void FixBlastRestart::setup(int /*vflag*/)
   const size_t known = std::min(frames_written.size(), static_cast<size_t>(output->ndump));
   for (size_t k = 0; k < known; k++)
     if (output->last_dump[k] < 0) output->last_dump[k] = frames_written[k];
+  if (comm->me != 0 || output->ndump == 0) return;
+  for (const auto &name : binary_dumps) {
+    try {
+      go_on_with_output(name);
+    } catch (const std::exception &failure) {
+      error->one(FLERR, "{}: {}", STYLE, failure.what());
+    }
+  }
 }
 
 void FixBlastRestart::end_of_step()

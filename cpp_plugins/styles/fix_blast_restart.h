@@ -10,6 +10,7 @@
 
 #include <csignal>
 #include <memory>
+#include <string>
 #include <vector>
 
 namespace LAMMPS_NS {
@@ -39,6 +40,7 @@ private:
   };
   std::vector<Listened> listened;
   std::vector<bigint> frames_written; // the step of each dump's last frame
+  std::vector<std::string> binary_dumps;
 };
 
 } // namespace LAMMPS_NS

@@ -71,6 +71,8 @@ void FixNVEImplicit::read_arguments(int narg, char **arg)
   if (first_step == 0.0) first_step = control.longest_step;
   if (first_step > control.longest_step)
     error->all(FLERR, "{} first_step must not be longer than max_step", STYLE);
+  // Whether it begins anew is known when the run does.
+  if (history_mode && comm->me == 0) fclose(opened_history("a"));
 }
 
 bool FixNVEImplicit::read_keyword(int &iarg, int narg, char **arg)
@@ -118,11 +120,17 @@ bool FixNVEImplicit::read_keyword(int &iarg, int narg, char **arg)
   return true;
 }
 
+FILE *FixNVEImplicit::opened_history(const char *mode) const
+{
+  FILE *file = fopen(history_name.c_str(), mode);
+  if (!file)
+    error->one(FLERR, "{} cannot open {}: {}", STYLE, history_name, utils::getsyserror());
+  return file;
+}
+
 void FixNVEImplicit::open_history()
 {
-  history = fopen(history_name.c_str(), history_mode);
-  if (!history)
-    error->one(FLERR, "{} cannot open {}: {}", STYLE, history_name, utils::getsyserror());
+  history = opened_history(history_mode);
   fseek(history, 0, SEEK_END);
   if (ftell(history) == 0) fprintf(history, "time,step,corrections,error,restarts,evaluations\n");
 }
@@ -192,8 +200,7 @@ void FixNVEImplicit::refuse_companions() const
   }
 }
 
-// The forces at the beginning of a run are those at the end of the step that led there. They are
-// not counted: a run that goes on from a restart file counts as one that was not interrupted.
+// The forces at the beginning of a run are those at the end of the step that led there.
 void FixNVEImplicit::setup_pre_force(int /*vflag*/)
 {
   displace_clock();
@@ -203,6 +210,8 @@ void FixNVEImplicit::setup_pre_force(int /*vflag*/)
 void FixNVEImplicit::setup(int /*vflag*/)
 {
   iteration.add_external_forces(fields);
+  // Once: a run that goes on from a restart file counts as one that was not interrupted.
+  if (evaluations == 0) evaluations = 1;
   restore_clock();
 }
 

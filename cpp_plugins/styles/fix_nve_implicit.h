@@ -62,6 +62,7 @@ private:
 
   void read_arguments(int narg, char **arg);
   bool read_keyword(int &iarg, int narg, char **arg);
+  FILE *opened_history(const char *mode) const;
   void open_history();
   void refuse_companions() const;
   void find_companions();

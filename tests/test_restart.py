@@ -1,0 +1,420 @@
+"""Runs that go on from restart files, bit by bit as if nothing had happened."""
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import time
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lammps_blast.case import parse_case
+from lammps_blast.deck import RESTARTS, write_deck
+from lammps_blast.lammps_program import find_lmp, find_mpiexec, program_environment
+from lammps_blast.particles import create_particles
+from lammps_blast.restart_notes import read_restart_notes
+
+CLOUD = {
+    "name": "restarted",
+    "seed": 7,
+    "particles": {
+        "count": 60,
+        "radius": 0.05,
+        "density": 7000.0,
+        "charge_per_mass": 10.0,
+        "packing": {"method": "rsa", "domain_radius": 0.3},
+    },
+    "blast": {"energy": 200.0},
+    "fields": {"electric": [0.2, 2.0, 0.0], "magnetic": [10.0, 0.0, 0.0]},
+    "medium": {"density": 1.225, "viscosity": 1.8e-5, "drag": "chow"},
+    "time": {"duration": 0.05, "step": 1e-4},
+    "output": {"interval": 0.005, "restart_interval": 0.01},
+}
+CONTACT = {
+    "stiffness": 1e7,
+    "exponent": 2,
+    "damping": 1e5,
+    "friction": {"stiffness": 1e7, "static": 0.4, "dynamic": 0.3},
+    "rotation": True,
+}
+BOND = {
+    "stiffness": 1e6,
+    "exponent": 1,
+    "tangential_stiffness": 1e3,
+    "activation_strain": 0.01,
+    "memory": "contact",
+}
+# Of forces between particles that draw the cloud together, so that contacts last and bonds form.
+GATHERING = {"scaling": "mass", "attraction": {"strength": 5.0, "exponent": 1}, "cutoff": "all"}
+REPELLING = {"scaling": "mass", "repulsion": {"strength": 0.01, "exponent": 2}}
+STOCK = {
+    "law": "hertz",
+    "youngs_modulus": 1e7,
+    "poisson_ratio": 0.3,
+    "damping": 0.5,
+    "friction": {"static": 0.4, "dynamic": 0.4},
+    "rotation": True,
+}
+FORCES = {"output": CLOUD["output"] | {"forces": True, "format": "binary"}}
+CASES = {
+    "free": {},
+    "binary": FORCES,
+    "verlet": {"time": CLOUD["time"] | {"integrator": "verlet"}} | FORCES,
+    "contact": {
+        "contact": CONTACT,
+        "bond": BOND,
+        "near_field": GATHERING,
+        "output": CLOUD["output"] | {"contacts": True, "forces": True},
+    },
+    "stock": {"contact": STOCK, "near_field": GATHERING},
+    "tree": {"near_field": REPELLING | {"cutoff": "all", "method": "tree", "accuracy": 1e-2}},
+    "list": {
+        "near_field": {"scaling": "area", "cutoff": 0.3} | REPELLING,
+        "particles": CLOUD["particles"] | {"positive_fraction": 0.5},
+    },
+    "implicit": {
+        "contact": {key: CONTACT[key] for key in ("stiffness", "exponent", "damping")},
+        "time": CLOUD["time"] | {"step": 5e-3, "integrator": "implicit"},
+    },
+}
+OUTPUTS = ("energy.csv", "trajectory.*", "contacts.lammpsdump", "steps.csv", "constants.lammpsbin")
+
+
+def deck_of(folder, changes=None):
+    """Write a deck of the cloud, with some sections replaced."""
+    folder.mkdir(exist_ok=True)
+    case = parse_case(CLOUD | (changes or {}), folder)
+    write_deck(case, create_particles(case), folder)
+    return folder
+
+
+def command(ranks=1, **variables):
+    words = [word for name, value in variables.items() for word in ("-var", name, str(value))]
+    lammps = [str(find_lmp()), "-in", "in.blast", "-log", "none", "-nocite", *words]
+    return lammps if ranks == 1 else [str(find_mpiexec()), "-n", str(ranks), *lammps]
+
+
+def run(folder, *, ranks=1, environment=None, limit=None, **variables):
+    done = subprocess.run(
+        command(ranks, **variables),
+        cwd=folder,
+        env=program_environment() | (environment or {}),
+        preexec_fn=limit,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    done.said = done.stdout + done.stderr
+    return done
+
+
+def run_well(folder, **options):
+    done = run(folder, **options)
+    assert done.returncode == 0, done.said
+    return done
+
+
+def outputs(folder):
+    files = [file for pattern in OUTPUTS for file in folder.glob(pattern)]
+    return {file.name: file.read_bytes() for file in files}
+
+
+def newest_and_oldest(folder):
+    notes = [read_restart_notes(folder / name) for name in RESTARTS]
+    return sorted(notes, key=lambda of_one: -of_one.step)
+
+
+def interrupt(folder):
+    """Take a finished run back to where a crash could have left it, in the midst of a frame."""
+    newest, oldest = newest_and_oldest(folder)
+    assert oldest.step < newest.step
+    newest.file.unlink()
+    for name, size in oldest.outputs.items():
+        with (folder / name).open("r+b") as file:
+            file.truncate((size + (folder / name).stat().st_size) // 2)
+            file.seek(0, os.SEEK_END)
+            file.write(b"\0 half a frame")
+
+
+@pytest.fixture
+def finished(tmp_path):
+    """Return a function that runs a case to its end and returns the folder."""
+
+    def make(changes=None, name="whole", **options):
+        folder = deck_of(tmp_path / name, changes)
+        run_well(folder, **options)
+        return folder
+
+    return make
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("name", CASES)
+def test_an_interrupted_run_ends_as_one_that_was_not(finished, name, ranks):
+    whole = finished(CASES[name], ranks=ranks)
+    expected = outputs(whole)
+    assert len(expected) >= 2
+    interrupt(whole)
+    assert outputs(whole) != expected
+    run_well(whole, ranks=ranks, restart="newest")
+    found = outputs(whole)
+    assert found.keys() == expected.keys()
+    if ranks == 1 or name not in ("contact", "list"):
+        assert [file for file in expected if found[file] != expected[file]] == []
+    else:
+        # Ranks that share the cloud out evenly do so anew: other sums are rounded.
+        rows = [
+            np.genfromtxt(f["energy.csv"].decode().splitlines()[1:], delimiter=",")
+            for f in (found, expected)
+        ]
+        assert np.allclose(*rows, rtol=1e-7, atol=1e-7 * rows[1].max())
+
+
+def test_the_whole_cloud_of_a_contact_case_touches_and_bonds(finished):
+    """The case that the tests above rest on is what it is meant to be."""
+    table = np.genfromtxt(finished(CASES["contact"]) / "energy.csv", delimiter=",", names=True)
+    for channel in ("contact_loss", "friction_loss", "bond_friction_loss", "bond_formation_loss"):
+        middle, end = table[channel][len(table) // 2], table[channel][-1]
+        assert 0.0 != middle != end, channel
+
+
+def test_a_thin_cloud_goes_on_bit_by_bit(tmp_path):
+    """Its box has a least size, which it had at the beginning."""
+    (tmp_path / "disc.csv").write_text(
+        "x,y,z,radius,density,charge_per_mass\n"
+        + "".join(f"{0.11 * i},{0.11 * j},0,0.05,7000,10\n" for i in range(24) for j in range(24))
+    )
+    changes = {
+        "particles": {"file": str(tmp_path / "disc.csv")},
+        "contact": CASES["implicit"]["contact"],
+    }
+    folder = deck_of(tmp_path / "disc", changes)
+    run_well(folder)
+    expected = outputs(folder)
+    interrupt(folder)
+    run_well(folder, restart="newest")
+    assert outputs(folder) == expected
+
+
+@pytest.mark.parametrize("options", [{}, {"ranks": 2}, {"environment": {"OMP_NUM_THREADS": "2"}}])
+@pytest.mark.parametrize("name", ["contact", "tree"])
+def test_the_same_run_gives_the_same_bits(finished, name, options):
+    one, other = (finished(CASES[name], which, **options) for which in ("one", "other"))
+    assert outputs(one) == outputs(other)
+
+
+def test_a_finished_run_goes_on_to_a_later_end(finished):
+    longer = finished({"time": CLOUD["time"] | {"duration": 0.1}} | FORCES, "longer")
+    shorter = finished(FORCES, "shorter")
+    run_well(shorter, restart="newest", duration=0.1)
+    assert outputs(shorter) == outputs(longer)
+
+
+def test_a_run_that_is_done_stays_as_it_is(finished):
+    folder = finished(CASES["contact"])
+    expected = outputs(folder)
+    run_well(folder, restart="newest")
+    assert outputs(folder) == expected
+
+
+def spoil(file, how):
+    content = bytearray(file.read_bytes())
+    if how == "short":
+        content = content[: len(content) // 2]
+    elif how == "flipped":
+        content[len(content) // 3] ^= 1
+    elif how == "empty":
+        content = b""
+    elif how == "garbage":
+        content = np.random.default_rng(1).bytes(len(content))
+    file.write_bytes(content)
+
+
+@pytest.mark.parametrize("how", ["short", "flipped", "empty", "garbage"])
+def test_the_older_file_is_used_where_the_newer_one_is_damaged(finished, how):
+    folder = finished()
+    expected = outputs(folder)
+    newest, oldest = newest_and_oldest(folder)
+    spoil(newest.file, how)
+    assert read_restart_notes(newest.file) is None
+    done = run_well(folder, restart="newest")
+    assert f"goes on from restart/{oldest.file.name}" in done.said
+    assert f"restart/{newest.file.name} " in done.said
+    assert outputs(folder) == expected
+
+
+def test_nothing_is_touched_where_no_restart_file_is_whole(finished):
+    folder = finished()
+    expected = outputs(folder)
+    spoil(folder / RESTARTS[0], "short")
+    spoil(folder / RESTARTS[1], "flipped")
+    done = run(folder, restart="newest")
+    assert done.returncode != 0
+    assert "there is no restart file to go on from" in done.said
+    assert "restart/blast.1 ends before its seal" in done.said
+    assert "restart/blast.2 is damaged" in done.said
+    assert outputs(folder) == expected
+
+
+def test_output_that_was_lost_is_made_again(finished):
+    folder = finished()
+    expected = outputs(folder)
+    newest, oldest = newest_and_oldest(folder)
+    size = oldest.outputs["trajectory.lammpstrj"]
+    os.truncate(folder / "trajectory.lammpstrj", size + 1)
+    done = run_well(folder, restart="newest")
+    assert f"restart/{newest.file.name} goes with" in done.said
+    assert outputs(folder) == expected
+
+
+def test_another_step_is_refused(finished):
+    folder = finished()
+    expected = outputs(folder)
+    done = run(folder, restart="newest", step=5e-5)
+    assert done.returncode != 0
+    assert "has a time step of 0.0001 s, not of 5e-05 s" in done.said
+    assert outputs(folder) == expected
+
+
+def test_other_versions_are_told(finished):
+    folder = finished()
+    newest, _ = newest_and_oldest(folder)
+    content = newest.file.read_bytes()
+    changed = content.replace(b"\nplugin ", b"\nplugin 0.0.0-")
+    notes, seal = changed.rsplit(b"sealed by lammps-blast: ", 1)
+    newest.file.write_bytes(
+        notes + b"sealed by lammps-blast: " + seal[:17] + b"%08x" % zlib.crc32(notes) + seal[25:]
+    )
+    done = run_well(folder, restart="newest")
+    assert "was written by lammps-blast plugin version 0.0.0-" in done.said
+
+
+def start(folder, **options):
+    """Start a run that takes long, and wait until it has written something."""
+    process = subprocess.Popen(
+        command(duration=500.0, **options),
+        cwd=folder,
+        env=program_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    table = folder / "energy.csv"
+    end = time.monotonic() + 60
+    while not table.is_file() or table.read_bytes().count(b"\n") < 4:
+        assert process.poll() is None, process.stdout.read()
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    return process
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("asking", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_a_run_with_a_restart_file(tmp_path, asking, ranks):
+    folder = deck_of(tmp_path / "run", {"output": CLOUD["output"] | {"restart_interval": 500.0}})
+    process = start(folder, ranks=ranks)
+    assert not (folder / RESTARTS[0]).exists()
+    process.send_signal(asking)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 0, said
+    assert f"Signal {int(asking)} ends the run at step" in said
+    notes = read_restart_notes(folder / RESTARTS[0])
+    assert notes.fits_outputs(folder)
+    end = 0.005 * (notes.step // 50 + 2)
+    run_well(folder, ranks=ranks, restart="newest", duration=end)
+    table = np.genfromtxt(folder / "energy.csv", delimiter=",", names=True)
+    assert np.allclose(np.diff(table["time"]), 0.005)
+    assert table["time"][-1] == pytest.approx(end)
+
+
+def test_one_run_at_a_time_in_a_folder(tmp_path):
+    folder = deck_of(tmp_path / "run")
+    process = start(folder)
+    size = (folder / "energy.csv").stat().st_size
+    for restart in ("no", "newest"):
+        done = run(folder, restart=restart)
+        assert done.returncode != 0
+        assert "another LAMMPS is at work in this folder: it holds restart/lock" in done.said
+    assert (folder / "energy.csv").stat().st_size >= size
+    process.kill()
+    process.communicate()
+    run_well(folder)
+
+
+def files_of_at_most(size):
+    """Return what limits the files that a process may write, as a full disk does."""
+
+    def limit():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    return limit
+
+
+@pytest.mark.parametrize("part", [0.6, 0.9])
+@pytest.mark.parametrize("name", ["free", "contact"])
+def test_a_full_disk_stops_a_run_that_goes_on_when_there_is_room(finished, tmp_path, name, part):
+    long = {"duration": 0.1, "output_interval": 1e-4}
+    expected = outputs(finished(CASES[name], **long))
+    folder = deck_of(tmp_path / "full", CASES[name])
+    size = int(part * len(expected["trajectory.lammpstrj"]))
+    done = run(folder, limit=files_of_at_most(size), **long)
+    assert done.returncode != 0
+    assert "File too large" in done.said
+    run_well(folder, restart="newest", **long)
+    assert outputs(folder) == expected
+
+
+def test_a_restart_file_that_finds_no_room_leaves_the_others(finished):
+    folder = finished(CASES["contact"])
+    before = [(folder / name).read_bytes() for name in RESTARTS]
+    unfinished = folder / f"{RESTARTS[0]}.unfinished"
+    unfinished.symlink_to("/dev/full")
+    done = run(folder, restart="newest", duration=0.1)
+    assert done.returncode != 0
+    assert "while writing restart" in done.said
+    assert [(folder / name).read_bytes() for name in RESTARTS] == before
+    unfinished.unlink()
+    run_well(folder, restart="newest", duration=0.1)
+
+
+def test_a_number_that_is_none_in_the_data_is_refused(tmp_path):
+    folder = deck_of(tmp_path / "run", CASES["contact"])
+    data = (folder / "particles.data").read_text().splitlines()
+    row = data.index("Atoms # hybrid") + 2
+    words = data[row].split()
+    (folder / "particles.data").write_text(
+        "\n".join([*data[:row], " ".join([*words[:2], "nan", *words[3:]]), *data[row + 1 :]]) + "\n"
+    )
+    done = run(folder)
+    assert done.returncode != 0
+    assert "ERROR" in done.said
+
+
+def test_a_table_that_cannot_be_written_stops_the_run(tmp_path):
+    folder = deck_of(tmp_path / "run")
+    deck = folder / "in.blast"
+    deck.write_text(deck.read_text().replace(" energy.csv v_", " /dev/full v_"))
+    done = run(folder)
+    assert done.returncode != 0
+    assert "Fix blast/table cannot write /dev/full: No space left on device" in done.said
+
+
+def test_ranks_may_be_others_when_a_run_goes_on(finished):
+    folder = finished(CASES["contact"])
+    expected = np.genfromtxt(folder / "energy.csv", delimiter=",")[1:]
+    interrupt(folder)
+    run_well(folder, restart="newest", ranks=2)
+    found = np.genfromtxt(folder / "energy.csv", delimiter=",")[1:]
+    assert np.allclose(found, expected, rtol=1e-7, atol=1e-7 * expected.max())
+
+
+def test_a_folder_holds_nothing_but_whole_files_in_the_end(finished):
+    folder = finished(CASES["contact"])
+    assert sorted(p.name for p in (folder / "restart").iterdir()) == ["blast.1", "blast.2", "lock"]
+    shutil.rmtree(folder / "restart")
+    assert Path(folder / "restart").exists() is False

@@ -72,7 +72,7 @@ AllPairsSum::AllPairsSum(LAMMPS *lmp, SummationMethod method_, double accuracy_,
                          FieldOfTypes field_of_types_)
     : Pointers(lmp), method(method_), accuracy(accuracy_), field_of_types(field_of_types_),
       particles(lmp),
-      rung(std::clamp(static_cast<int>(-2.0 * std::log10(accuracy)) - 2, 0, RUNGS - 1))
+      rung(static_cast<int>(std::clamp(-2.0 * std::log10(accuracy) - 2.0, 0.0, RUNGS - 1.0)))
 {
 }
 

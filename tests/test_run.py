@@ -415,7 +415,7 @@ def test_interruption_stops_cleanly_and_keeps_the_state(tmp_path):
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Traceback" not in errors
-    assert (table.parent / "restart" / "blast.interrupted").stat().st_size > 0
+    assert newest_restart(table.parent, RESTARTS).step > 0
     assert not (table.parent / "summary.json").exists()
 
 

@@ -77,7 +77,7 @@ AllPairsSum::AllPairsSum(LAMMPS *lmp, SummationMethod method_, double accuracy_,
 
 int AllPairsSum::first_rung() const
 {
-  return std::clamp(static_cast<int>(-2.0 * std::log10(accuracy)) - 2, 0, RUNGS - 1);
+  return static_cast<int>(std::clamp(-2.0 * std::log10(accuracy) - 2.0, 0.0, RUNGS - 1.0));
 }
 
 void AllPairsSum::forget_choice()

@@ -253,7 +253,7 @@ void PairBlastContact::compute(int eflag, int vflag)
     shares[thread] = std::move(share);
     contacts[thread] = std::move(found);
   });
-  for (const ThreadShare &share : shares) finish(share);
+  for (const ThreadShare &share : shares) settle(share);
   if (evflag)
     for (const auto &part : contacts)
       for (const Contact &contact : part)
@@ -303,7 +303,7 @@ void PairBlastContact::find_contacts(int first, int end, bool keeps, ThreadShare
 }
 
 // What a thread left to be done when all have looked at their pairs.
-void PairBlastContact::finish(const ThreadShare &share)
+void PairBlastContact::settle(const ThreadShare &share)
 {
   if (share.coincident_i >= 0) stop_at_coincidence(share.coincident_i, share.coincident_j);
   for (const Reaction &reaction : share.reactions)

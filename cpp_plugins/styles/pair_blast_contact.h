@@ -148,7 +148,7 @@ private:
   void add_forces(const Contact &, ThreadShare &);
   void push(int particle, const blast::Vector3 &force, const blast::Vector3 &torque);
   void note_depth(const Contact &, DeepestContact &) const;
-  void finish(const ThreadShare &);
+  void settle(const ThreadShare &);
   void tally(const Contact &, const ContactLaw &);
   double contact_energy(const Contact &, const ContactLaw &) const;
   double bond_energy(const Contact &, const ContactLaw &) const;

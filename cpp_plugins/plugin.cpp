@@ -21,7 +21,6 @@
 
 #include <cstdio>
 #include <mpi.h>
-#include <string>
 
 using LAMMPS_NS::LAMMPS;
 
@@ -55,29 +54,24 @@ template <class Style> void *create_style(void *lmp, int narg, char **arg)
   return new Style(static_cast<LAMMPS *>(lmp), narg, arg);
 }
 
-// Why the LAMMPS that loads this plugin cannot use it; empty if it can. Nothing here looks into its
-// classes or calls MPI: either may be another than the plugin was compiled for.
-std::string obstacle(void *lmp)
+// Whether the LAMMPS that loads this plugin can use it. Nothing here looks into its classes or calls
+// MPI: either may be another than the plugin was compiled for.
+bool built_for(void *lmp)
 {
   const int running = lammps_version(lmp);
-  if (running != BLAST_LAMMPS_VERSION)
-    return "built for LAMMPS version " + std::to_string(BLAST_LAMMPS_VERSION) +
-           " but loaded by version " + std::to_string(running);
+  const bool is_of_version = running == BLAST_LAMMPS_VERSION;
   // The size of a communicator: four bytes in MPICH, eight in Open MPI. Without MPI it is 0; older
   // versions of LAMMPS say 1, whatever the MPI.
   const int size = lammps_config_has_mpi_support();
-  if (size != 1 && size != static_cast<int>(sizeof(MPI_Comm))) return "built with another MPI";
-  return "";
-}
-
-bool built_for(void *lmp)
-{
-  const std::string reason = obstacle(lmp);
-  if (reason.empty()) return true;
-  if (lammps_extract_setting(lmp, "world_rank") == 0)
-    fprintf(stderr,
-            "lammps-blast plugin: %s, so its styles are left out: rebuild it against this LAMMPS\n",
-            reason.c_str());
+  if (is_of_version && (size == 1 || size == static_cast<int>(sizeof(MPI_Comm)))) return true;
+  if (lammps_extract_setting(lmp, "world_rank") != 0) return false;
+  fprintf(stderr, "lammps-blast plugin: ");
+  if (is_of_version)
+    fprintf(stderr, "built with another MPI");
+  else
+    fprintf(stderr, "built for LAMMPS version %d but loaded by version %d", BLAST_LAMMPS_VERSION,
+            running);
+  fprintf(stderr, ", so its styles are left out: rebuild it against this LAMMPS\n");
   return false;
 }
 

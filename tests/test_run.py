@@ -14,8 +14,10 @@ import pytest
 from conftest import PROGRAMS, blast, lmp
 
 from lammps_blast.analysis import EnergyLedger
+from lammps_blast.case import load_case
 from lammps_blast.contacts import ContactFrames
-from lammps_blast.deck import ENERGY_ACCOUNTS
+from lammps_blast.deck import ENERGY_ACCOUNTS, RESTARTS
+from lammps_blast.restart_notes import newest_restart
 from lammps_blast.trajectory import open_universe
 
 CASE = """\
@@ -417,6 +419,184 @@ def test_interruption_stops_cleanly_and_keeps_the_state(tmp_path):
     assert "Traceback" not in errors
     assert newest_restart(table.parent, RESTARTS).step > 0
     assert not (table.parent / "summary.json").exists()
+
+
+def state_of(folder):
+    """Return what a run has written that it goes on with."""
+    return {name: (folder / name).read_bytes() for name in ("energy.csv", "trajectory.lammpstrj")}
+
+
+LONGER = CASE.replace("duration: 0.01", "duration: 3.0").replace(
+    "interval: 0.001", "interval: 0.01"
+)
+
+
+@pytest.mark.parametrize("asking", [signal.SIGTERM, signal.SIGKILL])
+def test_a_run_that_was_ended_is_resumed(tmp_path, asking):
+    done = run(tmp_path, "--output", "whole", text=LONGER)
+    assert done.returncode == 0
+    process = start_run(tmp_path)
+    folder = tmp_path / "runs" / "small"
+    wait_for(lambda: newest_restart(folder, RESTARTS) is not None)
+    process.send_signal(asking)
+    process.communicate(timeout=60)
+    assert process.returncode == (130 if asking == signal.SIGTERM else -signal.SIGKILL)
+    again = run(tmp_path, text=LONGER)
+    assert again.returncode == 3
+    assert "holds a run already" in again.stderr
+    resumed = run(tmp_path, "--resume", text=LONGER)
+    assert resumed.returncode == 0, resumed.stderr
+    assert "small: goes on at " in resumed.stderr
+    assert (folder / "summary.json").exists()
+    whole, found = state_of(tmp_path / "whole"), state_of(folder)
+    if asking == signal.SIGKILL:
+        assert found == whole
+    else:
+        rows = [
+            np.genfromtxt(f["energy.csv"].splitlines()[1:], delimiter=",") for f in (whole, found)
+        ]
+        assert rows[1] == pytest.approx(rows[0], rel=1e-9, abs=1e-9)
+    finished = run(tmp_path, "--resume", text=LONGER)
+    assert finished.returncode == 0
+    assert "is simulated already" in finished.stderr
+    assert state_of(folder) == found
+
+
+def test_a_run_is_made_longer(tmp_path):
+    short = CASE.replace("interval: 0.001", "interval: 0.001, restart_interval: 0.005")
+    long = short.replace("duration: 0.01", "duration: 0.04")
+    assert run(tmp_path, "--output", "whole", text=long).returncode == 0
+    assert run(tmp_path, "--output", "run", text=short).returncode == 0
+    done = run(tmp_path, "--output", "run", "--resume", text=long)
+    assert done.returncode == 0, done.stderr
+    assert state_of(tmp_path / "run") == state_of(tmp_path / "whole")
+    assert load_case(tmp_path / "run" / "case.yaml").time.duration == 0.04
+    # Its own case, which stands for the whole run, goes on as well.
+    again = blast("run", "run/case.yaml", "--output", "run", "--resume", folder=tmp_path)
+    assert again.returncode == 0, again.stderr
+    shorter = run(tmp_path, "--output", "run", "--resume", text=short)
+    assert shorter.returncode == 3
+    assert "has come to 0.04 s already: time.duration must be at least that" in shorter.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("energy: 100.0", "energy: 200.0", "blast.energy: 100.0 in the run, 200.0 in the case"),
+        ("interval: 0.001", "interval: 0.002", "output.interval: 0.001 in the run, 0.002"),
+        ("drag: chow", "drag: none", "medium.drag: chow in the run, none in the case"),
+    ],
+)
+def test_a_run_of_another_case_is_not_resumed(tmp_path, old, new, told):
+    assert run(tmp_path).returncode == 0
+    before = tree(tmp_path / "runs")
+    done = run(tmp_path, "--resume", text=CASE.replace(old, new))
+    assert done.returncode == 3
+    assert told in done.stderr
+    assert tree(tmp_path / "runs") == before
+
+
+def tree(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_particles_of_another_file_are_not_gone_on_with(tmp_path):
+    table = "x,y,z,radius,density,charge_per_mass\n0,0,0,0.05,7000,10\n1,0,0,0.05,7000,10\n"
+    (tmp_path / "spheres.csv").write_text(table)
+    packed = CASE[CASE.index("particles") : CASE.index("blast")]
+    text = CASE.replace(packed, "particles: {file: spheres.csv}\n")
+    assert run(tmp_path, text=text).returncode == 0
+    assert run(tmp_path, "--resume", text=text).returncode == 0
+    (tmp_path / "spheres.csv").write_text(table.replace("\n1,", "\n2,"))
+    done = run(tmp_path, "--resume", text=text)
+    assert done.returncode == 3
+    assert "spheres.csv is not what it was when the run began" in done.stderr
+
+
+def test_there_must_be_a_run_to_resume(tmp_path):
+    done = run(tmp_path, "--resume")
+    assert done.returncode == 3
+    assert "there is no run folder runs/small to go on with" in done.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_two_runs_do_not_share_a_folder(tmp_path):
+    (tmp_path / "case.yaml").write_text(CASE.replace("duration: 0.01", "duration: 200.0"))
+    process = start_run(tmp_path)
+    table = tmp_path / "runs" / "small" / "energy.csv"
+    wait_for(table.exists)
+    for option in ("--force", "--resume"):
+        done = blast("run", "case.yaml", option, folder=tmp_path)
+        assert done.returncode == 3
+        assert "another run is at work in runs/small" in done.stderr
+    process.kill()
+    process.communicate()
+    assert run(tmp_path, "--force").returncode == 0
+
+
+def test_ranks_give_the_same_run(tmp_path):
+    for options in (["--output", "one"], ["--output", "two", "--ranks", "2", "--threads", "1"]):
+        done = run(tmp_path, *options)
+        assert done.returncode == 0, done.stderr
+    outer = [str(PROGRAMS / "mpiexec"), "-n", "2", sys.executable, "-m", "lammps_blast.run"]
+    done = subprocess.run(
+        [*outer, "case.yaml", "--output", "outer", "--no-figures"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("results in outer") == 1
+    rows = [
+        np.genfromtxt(tmp_path / name / "energy.csv", delimiter=",")[1:]
+        for name in ("one", "two", "outer")
+    ]
+    assert rows[1] == pytest.approx(rows[0], rel=1e-9, abs=1e-9)
+    assert state_of(tmp_path / "two") == state_of(tmp_path / "outer")
+
+
+def test_an_outer_mpiexec_ends_with_an_invalid_case(tmp_path):
+    (tmp_path / "case.yaml").write_text(CASE.replace("count: 20", "count: -1"))
+    outer = [str(PROGRAMS / "mpiexec"), "-n", "2", sys.executable, "-m", "lammps_blast.run"]
+    done = subprocess.run(
+        [*outer, "case.yaml"], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 2
+    assert done.stderr.count("particles.count: must be at least 1, got -1") == 1
+
+
+def test_a_rank_that_dies_takes_the_run_down_and_is_told(tmp_path):
+    (tmp_path / "case.yaml").write_text(CASE.replace("duration: 0.01", "duration: 200.0"))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "lammps_blast.run", "case.yaml", "--ranks", "2"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    folder = tmp_path / "runs" / "small"
+    wait_for(lambda: len(ranks_at_work(folder)) == 2 and (folder / "energy.csv").exists())
+    os.kill(ranks_at_work(folder)[-1], signal.SIGKILL)
+    died = time.monotonic()
+    _, errors = process.communicate(timeout=60)
+    assert time.monotonic() - died < 10.0
+    assert process.returncode == 3
+    assert "a rank of LAMMPS died, of signal SIGKILL; to go on, give --resume" in errors
+
+
+def ranks_at_work(folder):
+    """Return the processes of `lmp` that work in a folder."""
+    found = []
+    for process in os.listdir("/proc"):
+        try:
+            if os.readlink(f"/proc/{process}/exe").endswith("/lmp") and os.path.samefile(
+                f"/proc/{process}/cwd", folder
+            ):
+                found.append(int(process))
+        except OSError:
+            continue
+    return found
 
 
 def test_interruption_of_a_relaxation_is_one_before_the_run(tmp_path):

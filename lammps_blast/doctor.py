@@ -571,30 +571,20 @@ def processor_level() -> str:
 
 def check_memory(patient: Patient) -> Finding:
     """Memory that is free for a run."""
+    # Only here: what this module needs may be what is ill.
+    from lammps_blast.resource_limits import memory_limit
+
     table = Path("/proc/meminfo").read_text()
     sizes = {name: 1024 * int(size) for name, size in re.findall(r"^(\w+):\s+(\d+)", table, re.M)}
     free, total = sizes["MemAvailable"], sizes["MemTotal"]
     text = f"{free / 1e9:.1f} of {total / 1e9:.1f} GB free"
     limit = memory_limit()
-    if limit is not None and limit < total:
+    if limit < total:
         text += f", limited to {limit / 1e9:.1f} GB"
         free = min(free, limit)
     if free < LITTLE_MEMORY:
         return doubtful(text, "end other programs, or raise the limit", "little memory for a run")
     return Finding(text)
-
-
-def memory_limit() -> int | None:
-    """Return the least of the limits on this process and on its control group, in bytes."""
-    limits = []
-    with contextlib.suppress(OSError, ValueError):
-        limits.append(int(Path("/sys/fs/cgroup/memory.max").read_text()))
-    with contextlib.suppress(ImportError):
-        import resource
-
-        limit = resource.getrlimit(resource.RLIMIT_AS)[0]
-        limits += [limit] if limit != resource.RLIM_INFINITY else []
-    return min(limits, default=None)
 
 
 def check_physics(stage: str) -> Callable[[Patient], Finding]:

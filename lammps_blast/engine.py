@@ -13,10 +13,11 @@ import re
 import signal
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
@@ -115,35 +116,40 @@ def run_deck(run: DeckRun, console: Console | None = None) -> None:
         )
 
 
-class _Execution(Protocol):
+class _Execution(ABC):
     """A run of LAMMPS: `execute` returns when it has ended, and sets the event `ended`."""
-
-    ended: threading.Event
-    failure: EngineError | None
-    lammps_error: str | None
-
-    @property
-    def steps_done(self) -> int: ...
-
-    def execute(self) -> None: ...
-
-    def stop(self) -> None: ...
-
-
-class _InProcess:
-    """One deck in one LAMMPS instance, which lives and dies in the thread that calls `execute`."""
 
     def __init__(self, run: DeckRun) -> None:
         self._run = run
-        self._lammps: Any = None
-        self._counter: ctypes.c_int64 | None = None
-        self._start_of_time: ctypes.c_double | None = None
-        self._last_count = run.steps_done
         self._stop = threading.Event()
         # Not Thread.join: a Ctrl-C during a join makes Python take the thread for ended.
         self.ended = threading.Event()
         self.failure: EngineError | None = None
         self.lammps_error: str | None = None
+
+    @property
+    @abstractmethod
+    def steps_done(self) -> int:
+        """Steps of LAMMPS that are over."""
+
+    @abstractmethod
+    def execute(self) -> None:
+        """Run the deck."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Ask LAMMPS to end its run after the present step."""
+
+
+class _InProcess(_Execution):
+    """One deck in one LAMMPS instance, which lives and dies in the thread that calls `execute`."""
+
+    def __init__(self, run: DeckRun) -> None:
+        super().__init__(run)
+        self._lammps: Any = None
+        self._counter: ctypes.c_int64 | None = None
+        self._start_of_time: ctypes.c_double | None = None
+        self._last_count = run.steps_done
 
     @property
     def steps_done(self) -> int:
@@ -194,17 +200,13 @@ class _InProcess:
             self._lammps.finalize()
 
 
-class _InRanks:
+class _InRanks(_Execution):
     """One deck in several ranks of `lmp`, with this process apart from them."""
 
     def __init__(self, run: DeckRun) -> None:
-        self._run = run
+        super().__init__(run)
         self._table = (run.folder / ENERGY_TABLE).absolute()
         self._lammps: RankedLammps | None = None
-        self._stop = threading.Event()
-        self.ended = threading.Event()
-        self.failure: EngineError | None = None
-        self.lammps_error: str | None = None
 
     @property
     def steps_done(self) -> int:

@@ -267,7 +267,9 @@ def test_relative_links_lead_somewhere(page):
             assert anchor in anchors(linked), f"{name_of(page)}: {target}"
 
 
-@pytest.mark.parametrize("name", [p.name for p in PAGES if p.parent == DOCS and p.stem != "reproduction"])
+@pytest.mark.parametrize(
+    "name", [p.name for p in PAGES if p.parent == DOCS and p.stem != "reproduction"]
+)
 def test_lines_are_not_long(name):
     for number, line in enumerate((DOCS / name).read_text(encoding="utf-8").splitlines(), 1):
         assert len(line) <= 120 or line.startswith("|"), f"{name}, line {number}"

@@ -61,7 +61,7 @@ void BlastReadRestart::command(int narg, char **arg)
 {
   read_arguments(narg, arg);
   const Chosen chosen = told_to_all(newest_whole());
-  warn_of_versions(chosen);
+  check_versions(chosen);
   arrange_ranks(chosen.notes);
   input->one(fmt::format("read_restart \"{}\"", chosen.file));
   restore_box(chosen.notes);
@@ -137,8 +137,14 @@ BlastReadRestart::Chosen BlastReadRestart::told_to_all(Chosen chosen) const
   return {tell(chosen.file), RestartNotes::of_text(tell(chosen.notes.text()))};
 }
 
-void BlastReadRestart::warn_of_versions(const Chosen &chosen) const
+void BlastReadRestart::check_versions(const Chosen &chosen) const
 {
+  if (chosen.notes.values("layout") != std::to_string(RESTART_LAYOUT))
+    error->all(
+        FLERR,
+        "{}: restart file {} holds other numbers than this plugin, version {}, expects: go on "
+        "with version {}, which wrote it",
+        STYLE, chosen.file, BLAST_VERSION, chosen.notes.values("plugin"));
   if (comm->me != 0) return;
   const auto compare = [&](const char *what, const std::string &then, const std::string &now) {
     if (then != now)

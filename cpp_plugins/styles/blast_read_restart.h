@@ -25,7 +25,7 @@ private:
   void look_at_lock(const char *name) const;
   Chosen newest_whole() const;
   Chosen told_to_all(Chosen chosen) const;
-  void warn_of_versions(const Chosen &chosen) const;
+  void check_versions(const Chosen &chosen) const;
   void arrange_ranks(const RestartNotes &notes) const;
   void restore_box(const RestartNotes &notes) const;
   void restore_clock(const RestartNotes &notes) const;

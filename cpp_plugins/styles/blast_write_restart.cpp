@@ -99,6 +99,7 @@ RestartNotes BlastWriteRestart::notes()
                                      domain->minzlo, domain->minzhi));
   notes.add("lammps", std::to_string(lmp->num_ver));
   notes.add("plugin", BLAST_VERSION);
+  notes.add("layout", std::to_string(RESTART_LAYOUT));
   for (const auto &name : values) {
     const int index = input->variable->find(name.c_str());
     if (index < 0 || !input->variable->equalstyle(index))

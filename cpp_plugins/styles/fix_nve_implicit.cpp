@@ -123,8 +123,7 @@ bool FixNVEImplicit::read_keyword(int &iarg, int narg, char **arg)
 FILE *FixNVEImplicit::opened_history(const char *mode) const
 {
   FILE *file = fopen(history_name.c_str(), mode);
-  if (!file)
-    error->one(FLERR, "{} cannot open {}: {}", STYLE, history_name, utils::getsyserror());
+  if (!file) error->one(FLERR, "{} cannot open {}: {}", STYLE, history_name, utils::getsyserror());
   return file;
 }
 

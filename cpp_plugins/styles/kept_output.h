@@ -1,5 +1,5 @@
-// Output that a run goes on with, where LAMMPS would begin it anew: it opens binary dumps so that what
-// they held is lost. Until then that is kept under another name.
+// Output that a run goes on with, where LAMMPS would begin it anew: it opens binary dumps so that
+// what they held is lost. Until then that is kept under another name.
 
 #ifndef BLAST_STYLES_KEPT_OUTPUT_H
 #define BLAST_STYLES_KEPT_OUTPUT_H

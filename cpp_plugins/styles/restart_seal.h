@@ -11,6 +11,10 @@
 
 namespace LAMMPS_NS {
 
+// Which numbers the styles of this plugin store in restart files, and in which order: LAMMPS does
+// not tell them how many there are. To be raised with every change of those.
+constexpr int RESTART_LAYOUT = 1;
+
 // Lines of a keyword and its values.
 class RestartNotes {
 public:

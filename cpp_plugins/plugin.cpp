@@ -1,5 +1,6 @@
 // Registers every style of this folder with the LAMMPS that loads the plugin.
 
+#include "blast_new_run.h"
 #include "blast_pulse.h"
 #include "blast_read_restart.h"
 #include "blast_write_restart.h"
@@ -54,8 +55,8 @@ template <class Style> void *create_style(void *lmp, int narg, char **arg)
   return new Style(static_cast<LAMMPS *>(lmp), narg, arg);
 }
 
-// Whether the LAMMPS that loads this plugin can use it. Nothing here looks into its classes or calls
-// MPI: either may be another than the plugin was compiled for.
+// Whether the LAMMPS that loads this plugin can use it. Nothing here looks into its classes or
+// calls MPI: either may be another than the plugin was compiled for.
 bool built_for(void *lmp)
 {
   const int running = lammps_version(lmp);
@@ -96,6 +97,9 @@ extern "C" __attribute__((visibility("default"))) void lammpsplugin_init(void *l
 
   entry.creator.from_lammps = &create_from_lammps<LAMMPS_NS::BlastPulse>;
   add("command", "blast_pulse", "lammps-blast: radial pulse of a stated energy");
+
+  entry.creator.from_lammps = &create_from_lammps<LAMMPS_NS::BlastNewRun>;
+  add("command", "blast_new_run", "lammps-blast: a folder made ready for a run that begins anew");
 
   entry.creator.from_lammps = &create_from_lammps<LAMMPS_NS::BlastWriteRestart>;
   add("command", "blast_write_restart", "lammps-blast: one of two sealed restart files in turn");

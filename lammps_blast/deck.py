@@ -51,11 +51,14 @@ STEP_TABLE = "steps.csv"
 RESTART_FOLDER = "restart"
 RESTARTS = (f"{RESTART_FOLDER}/blast.1", f"{RESTART_FOLDER}/blast.2")
 RUN_LOCK = f"{RESTART_FOLDER}/lock"
+# What a run may leave that is killed while it writes one of them.
+UNFINISHED = tuple(f"{name}.unfinished" for name in (RESTARTS[0], DECK, CASE))
 LOG = "log.lammps"
 CONTACT_TABLE = "contacts.lammpsdump"
 TEXT_TRAJECTORY = "trajectory.lammpstrj"
 BINARY_TRAJECTORY = "trajectory.lammpsbin"  # LAMMPS writes binary for .bin and .lammpsbin
 BINARY_CONSTANTS = "constants.lammpsbin"
+KEPT_TRAJECTORY = f"{BINARY_TRAJECTORY}.kept"
 TRAJECTORIES = {"text": TEXT_TRAJECTORY, "binary": BINARY_TRAJECTORY}
 
 # Part of the cloud's first width: narrower than the share of one among dozens of ranks in a row,
@@ -315,6 +318,7 @@ if "${{restart}} != no" then &
   "variable append string yes" &
   "variable units string no" &
   "jump SELF go_on"
+blast_new_run {" ".join(RESTARTS)} lock {RUN_LOCK}
 log {LOG}
 {_reading(PARTICLE_DATA, uses_signs(case, particles))}timestep ${{step}}
 {relaxation and chr(10) + relaxation}

@@ -29,6 +29,8 @@ from lammps_blast.ranks import LaunchedRanks, RankedLammps, RankError, is_of_one
 
 STEP_KEYS = "time.step or, with integrator implicit, time.implicit.max_step"
 
+# What a deck says at its end where that came too early.
+_STOPPED = re.compile(r"^Stopped at step (\d+) of \d+\.", re.M)
 _POLL_SECONDS = 0.05
 _PLAIN_LINES = 10
 
@@ -206,11 +208,14 @@ class _InRanks(_Execution):
     def __init__(self, run: DeckRun) -> None:
         super().__init__(run)
         self._table = (run.folder / ENERGY_TABLE).absolute()
+        self._last_count: int | None = None
         self._lammps: RankedLammps | None = None
 
     @property
     def steps_done(self) -> int:
-        """Steps up to the last row of the energy table."""
+        """Steps up to the last row of the energy table; in the end, those that the deck tells."""
+        if self._last_count is not None:
+            return self._last_count
         time = _last_time(self._table)
         return self._run.steps_done if time is None else round(time / self._run.timestep)
 
@@ -228,7 +233,8 @@ class _InRanks(_Execution):
             )
             if self._stop.is_set():
                 self._lammps.stop()
-            self._lammps.wait()
+            stopped = _STOPPED.search(self._lammps.wait())
+            self._last_count = int(stopped[1]) if stopped else self._run.steps
         except RankError as failure:
             if failure.lammps_error:
                 self.lammps_error = failure.lammps_error

@@ -166,8 +166,8 @@ class RankedLammps:
         with contextlib.suppress(ProcessLookupError):
             self._process.send_signal(signal.SIGTERM)
 
-    def wait(self) -> None:
-        """Wait until all ranks have ended.
+    def wait(self) -> str:
+        """Wait until all ranks have ended; return the last of what they said.
 
         Raises
         ------
@@ -176,10 +176,9 @@ class RankedLammps:
         """
         assert self._process.stdout is not None
         said = deque(self._process.stdout, maxlen=_KEPT_LINES)
-        status = self._process.wait()
+        status, text = self._process.wait(), "".join(said)
         if status == 0:
-            return
-        text = "".join(said)
+            return text
         raise RankError(_how_they_ended(text, status), _error_of_lammps(text))
 
 

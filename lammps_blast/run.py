@@ -27,12 +27,14 @@ from lammps_blast.deck import (
     CONTACT_TABLE,
     DECK,
     ENERGY_TABLE,
+    KEPT_TRAJECTORY,
     LOG,
     PARTICLE_DATA,
     PARTICLE_TABLE,
     RESTARTS,
     STEP_TABLE,
     TRAJECTORIES,
+    UNFINISHED,
     size_of,
     write_deck,
     write_resolved_case,
@@ -324,8 +326,8 @@ def _products() -> Iterator[str]:
 
     yield from (SUMMARY, CASE, DECK, PARTICLE_DATA, PARTICLE_TABLE, ENERGY_TABLE, LOG)
     yield from (ENVELOPE_TABLE, SPEED_TABLE, CLUMP_TABLE, CONTACT_TABLE, STEP_TABLE)
-    yield from (*TRAJECTORIES.values(), BINARY_CONSTANTS)
-    yield from RESTARTS
+    yield from (*TRAJECTORIES.values(), BINARY_CONSTANTS, KEPT_TRAJECTORY)
+    yield from (*RESTARTS, *UNFINISHED)
     yield from (f"{FIGURE_FOLDER}/{name}.png" for name in FIGURES)
 
 

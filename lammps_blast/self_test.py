@@ -24,7 +24,12 @@ from lammps_blast.plugin_folder import PLUGIN_FILE, plugin_folder
 from lammps_blast.text_columns import LIBRARY_FILE, read_text_columns
 
 STYLES = {
-    "command": ("blast_pulse", "blast_write_restart", "blast_read_restart"),
+    "command": (
+        "blast_pulse",
+        "blast_new_run",
+        "blast_write_restart",
+        "blast_read_restart",
+    ),
     "pair": ("blast/contact", "blast/nearfield"),
     "fix": (
         "lorentz/drag",

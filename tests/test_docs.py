@@ -136,7 +136,7 @@ def test_example_lines_of_the_styles_run(simulate):
     later = [piece for piece in pieces if not piece.startswith("blast_read_restart")]
     parts = [t for t in STYLE_BLOCKS if t not in EXAMPLE_BLOCKS and not t.startswith("units")]
     assert "".join(pieces) == "".join(EXAMPLE_BLOCKS)
-    assert len(EXAMPLE_BLOCKS) == 14
+    assert len(EXAMPLE_BLOCKS) == 15
     assert parts
     simulation = simulate(random_cloud(10, seed=1, velocity=[1.0, 2.0, 3.0]))
     for commands in [*later, *parts]:

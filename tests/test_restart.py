@@ -424,6 +424,24 @@ def test_ranks_may_be_others_when_a_run_goes_on(finished):
     assert np.allclose(found, expected, rtol=1e-7, atol=1e-7 * expected.max())
 
 
+def test_a_run_that_begins_anew_has_nothing_of_an_earlier_one(finished):
+    """Which had come farther, and died between two frames of a binary trajectory."""
+    folder = finished(FORCES)
+    expected = outputs(folder)
+    run_well(folder, duration=0.1, restart="newest")
+    (folder / "trajectory.lammpsbin.kept").write_bytes(b"of an earlier run")
+    process = start(folder)
+    process.kill()
+    process.communicate()
+    assert not any((folder / name).exists() for name in RESTARTS) or all(
+        notes is None or notes.fits_outputs(folder)
+        for notes in (read_restart_notes(folder / name) for name in RESTARTS)
+    )
+    run_well(folder)
+    assert outputs(folder) == expected
+    assert {notes.step for notes in newest_and_oldest(folder)} == {400, 500}
+
+
 def test_a_folder_holds_nothing_but_whole_files_in_the_end(finished):
     folder = finished(CASES["contact"])
     assert sorted(p.name for p in (folder / "restart").iterdir()) == ["blast.1", "blast.2", "lock"]

@@ -556,6 +556,12 @@ def test_ranks_give_the_same_run(tmp_path):
     assert state_of(tmp_path / "two") == state_of(tmp_path / "outer")
 
 
+def test_ranks_end_where_the_last_frame_does_not(tmp_path):
+    done = run(tmp_path, "--ranks", "2", text=CASE.replace("interval: 0.001", "interval: 0.003"))
+    assert done.returncode == 0, done.stderr
+    assert newest_restart(tmp_path / "runs" / "small", RESTARTS).step == 100
+
+
 def test_an_outer_mpiexec_ends_with_an_invalid_case(tmp_path):
     (tmp_path / "case.yaml").write_text(CASE.replace("count: 20", "count: -1"))
     outer = [str(PROGRAMS / "mpiexec"), "-n", "2", sys.executable, "-m", "lammps_blast.run"]

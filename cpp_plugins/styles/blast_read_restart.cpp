@@ -84,23 +84,13 @@ void BlastReadRestart::read_arguments(int narg, char **arg)
   if (files.empty()) utils::missing_cmd_args(FLERR, "blast_read_restart", error);
   for (; iarg < narg; iarg += 2) {
     require_arguments(lmp, STYLE, iarg, 1, narg, arg);
+    // Output must not be cut back while another run writes it.
     if (strcmp(arg[iarg], "lock") == 0)
-      look_at_lock(arg[iarg + 1]);
+      require_unlocked(lmp, STYLE, arg[iarg + 1]);
     else if (strcmp(arg[iarg], "step") == 0)
       step = positive_argument(lmp, STYLE, "step", arg[iarg + 1]);
     else
       error->all(FLERR, "Unknown blast_read_restart keyword: {}", arg[iarg]);
-  }
-}
-
-// Output must not be cut back while another run writes it.
-void BlastReadRestart::look_at_lock(const char *name) const
-{
-  if (comm->me != 0) return;
-  try {
-    const FileLock free(name);
-  } catch (const std::runtime_error &failure) {
-    error->one(FLERR, "{}: {}", STYLE, failure.what());
   }
 }
 

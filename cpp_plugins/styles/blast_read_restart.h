@@ -22,7 +22,6 @@ private:
   };
 
   void read_arguments(int narg, char **arg);
-  void look_at_lock(const char *name) const;
   Chosen newest_whole() const;
   Chosen told_to_all(Chosen chosen) const;
   void check_versions(const Chosen &chosen) const;

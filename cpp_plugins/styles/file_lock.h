@@ -13,6 +13,8 @@
 
 namespace LAMMPS_NS {
 
+class LAMMPS;
+
 class FileLock {
 public:
   FileLock() = default;
@@ -39,6 +41,9 @@ public:
 private:
   int descriptor = -1;
 };
+
+// Stops LAMMPS while another process holds a lock; `style` names the command that asks.
+void require_unlocked(LAMMPS *lmp, const char *style, const char *name);
 
 } // namespace LAMMPS_NS
 

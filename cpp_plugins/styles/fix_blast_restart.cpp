@@ -104,7 +104,10 @@ void FixBlastRestart::setup(int /*vflag*/)
   if (comm->me != 0 || output->ndump == 0) return;
   for (const auto &name : binary_dumps) {
     try {
-      go_on_with_output(name);
+      if (goes_on)
+        go_on_with_output(name);
+      else
+        forget_kept_output(name);
     } catch (const std::exception &failure) {
       error->one(FLERR, "{}: {}", STYLE, failure.what());
     }
@@ -134,6 +137,7 @@ void FixBlastRestart::write_restart(FILE *fp)
 
 void FixBlastRestart::restart(char *buffer)
 {
+  goes_on = true;
   bigint count;
   memcpy(&count, buffer, sizeof(bigint));
   frames_written.resize(count);

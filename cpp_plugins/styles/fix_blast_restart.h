@@ -39,6 +39,7 @@ private:
     struct sigaction before;
   };
   std::vector<Listened> listened;
+  bool goes_on = false;               // from a restart file
   std::vector<bigint> frames_written; // the step of each dump's last frame
   std::vector<std::string> binary_dumps;
 };

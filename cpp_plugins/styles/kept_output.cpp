@@ -48,6 +48,11 @@ void LAMMPS_NS::keep_output(const std::string &name)
   files::rename(name, kept_name(name));
 }
 
+void LAMMPS_NS::forget_kept_output(const std::string &name)
+{
+  files::remove(kept_name(name));
+}
+
 void LAMMPS_NS::take_output_back(const std::string &name)
 {
   if (files::exists(kept_name(name))) files::rename(kept_name(name), name);

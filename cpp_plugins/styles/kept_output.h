@@ -14,6 +14,9 @@ bool is_binary_dump(const std::string &name);
 // Puts a file out of LAMMPS's way.
 void keep_output(const std::string &name);
 
+// Forgets a file that an earlier run has put away, where a run begins anew.
+void forget_kept_output(const std::string &name);
+
 // Takes a file back that a run has put away and not gone on with.
 void take_output_back(const std::string &name);
 

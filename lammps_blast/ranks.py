@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -158,7 +158,7 @@ class RankedLammps:
             text=True,
             errors="replace",
             start_new_session=True,
-            preexec_fn=_end_with_parent,
+            preexec_fn=_ending_with_parent(),
         )
 
     def stop(self) -> None:
@@ -182,10 +182,14 @@ class RankedLammps:
         raise RankError(_how_they_ended(text, status), _error_of_lammps(text))
 
 
-def _end_with_parent() -> None:
-    """Have the system ask this process to stop when the one that started it dies."""
-    with contextlib.suppress(OSError):
-        ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGTERM)
+def _ending_with_parent() -> Callable[[], object]:
+    """Return what has the system ask a process to stop when the one that started it dies.
+
+    All that it needs is at hand before the new process comes to be: other threads may be in the
+    midst of loading libraries then.
+    """
+    prctl = ctypes.CDLL(None).prctl
+    return lambda: prctl(_SET_DEATH_SIGNAL, signal.SIGTERM)
 
 
 def _error_of_lammps(output: str) -> str | None:

@@ -174,7 +174,7 @@ def run_case(
     is_own_input = folder.resolve() in input_folders(case)
     if is_own_input and not options.resume:
         raise FolderError(f"{folder} holds an input of the case: give another folder (--output)")
-    particles = None if options.resume else _packed(case)
+    particles = None if options.resume else _packed(case, folder)
     with folder_lock(folder, create=not options.resume):
         steps_done = 0
         if particles is None:
@@ -186,7 +186,7 @@ def run_case(
                 raise FolderError(f"{folder} holds no restart file: run its case anew elsewhere")
             else:
                 _say(console, f"{folder} holds no restart file yet: the run begins anew")
-                particles = _packed(case)
+                particles = _packed(case, folder)
         if particles is not None:
             _prepare_afresh(case, particles, folder, options.force or options.resume, console)
         threading.Thread(target=_import_ahead, args=(not options.no_figures,)).start()
@@ -200,13 +200,16 @@ def run_case(
         return analyze_run(folder, figures=not options.no_figures)
 
 
-def _packed(case: Case) -> Particles:
+def _packed(case: Case, folder: Path) -> Particles:
+    """Pack the particles of a case for which there is memory, and room for its frames."""
     if isinstance(case.particles, PackedParticles):
         shortage = memory_shortage(case.particles.count, BYTES_TO_RUN)
         if shortage:
             raise CaseError(f"particles.count: {shortage}")
     particles = create_particles(case)
     check_near_field(case, particles)
+    in_the_way = sum(path.lstat().st_size for path in files_of_a_run(folder))
+    check_room(case, len(particles), folder, reclaimed=in_the_way)
     return particles
 
 
@@ -214,8 +217,6 @@ def _prepare_afresh(
     case: Case, particles: Particles, folder: Path, force: bool, console: Console
 ) -> None:
     """Write the case and its deck into the run folder."""
-    in_the_way = sum(path.lstat().st_size for path in files_of_a_run(folder))
-    check_room(case, len(particles), folder, reclaimed=in_the_way)
     try:
         prepare_folder(folder, force=force)
         write_resolved_case(case, folder)

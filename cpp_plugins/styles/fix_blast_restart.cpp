@@ -1,6 +1,7 @@
 #include "fix_blast_restart.h"
 
 #include "kept_output.h"
+#include "simulated_time.h"
 #include "style_arguments.h"
 
 #include "comm.h"
@@ -11,6 +12,7 @@
 #include "utils.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <stdexcept>
 
@@ -45,6 +47,7 @@ FixBlastRestart::FixBlastRestart(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, n
     else
       binary_dumps.emplace_back(arg[iarg + 1]);
   }
+  zero = {update->atime, update->atimestep, update->dt};
   nevery = comm->nprocs == 1 ? 1 : STEPS_BETWEEN_LOOKS;
   restart_global = 1;
   listen();
@@ -93,6 +96,21 @@ void FixBlastRestart::ask_to_stop(int signal)
 int FixBlastRestart::setmask()
 {
   return END_OF_STEP;
+}
+
+// LAMMPS moves its zero of time to the beginning of every run, and so rounds the times in it
+// otherwise than in a run of one part.
+void FixBlastRestart::init()
+{
+  const double steps = static_cast<double>(update->ntimestep - zero.step);
+  const double expected = zero.time + steps * zero.length_of_step;
+  const double off = std::abs(simulated_time(*update) - expected);
+  if (update->dt == zero.length_of_step && off < 1.0e-6 * update->dt) {
+    update->atime = zero.time;
+    update->atimestep = zero.step;
+  } else {
+    zero = {update->atime, update->atimestep, update->dt};
+  }
 }
 
 // Dumps do not know that their frame of this step was written before the restart.

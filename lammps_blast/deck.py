@@ -25,6 +25,7 @@ from lammps_blast.case import (
 )
 from lammps_blast.case_warnings import case_warnings, check_near_field, remarks
 from lammps_blast.command_line import tell
+from lammps_blast.folder_lock import RUN_LOCK, FolderError, require_idle
 from lammps_blast.pair_commands import (
     CONTACT_STYLE,
     NEAR_FIELD_STYLE,
@@ -50,7 +51,6 @@ ENERGY_TABLE = "energy.csv"
 STEP_TABLE = "steps.csv"
 RESTART_FOLDER = "restart"
 RESTARTS = (f"{RESTART_FOLDER}/blast.1", f"{RESTART_FOLDER}/blast.2")
-RUN_LOCK = f"{RESTART_FOLDER}/lock"
 # What a run may leave that is killed while it writes one of them.
 UNFINISHED = tuple(f"{name}.unfinished" for name in (RESTARTS[0], DECK, CASE))
 LOG = "log.lammps"
@@ -323,12 +323,8 @@ log {LOG}
 {_reading(PARTICLE_DATA, uses_signs(case, particles))}timestep ${{step}}
 {relaxation and chr(10) + relaxation}
 label go_on
-if "${{restart}} == newest" then &
-  "variable restart_files string '{" ".join(RESTARTS)}'" &
-else &
-  "variable restart_files string ${{restart}}"
 if "${{append}} == yes" then &
-  "blast_read_restart ${{restart_files}} lock {RUN_LOCK} step ${{step}}" &
+  "blast_read_restart {" ".join(RESTARTS)} lock {RUN_LOCK} step ${{step}} upto ${{steps}}" &
   "log {LOG} append"
 fix restart all blast/restart lock {RUN_LOCK}{_binary_words(case)}
 """
@@ -677,15 +673,15 @@ def main(argv: list[str] | None = None) -> int:
     except MemoryError:
         return _out_of_memory()
     folder = options.output or case.folder
-    elsewhere = folder.resolve() != case.folder.resolve()
-    if elsewhere and (folder / CASE).exists() and not options.force:
-        tell(f"{folder} holds a case already: give --force to replace it", sys.stderr)
-        return 3
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        _make_way(case, particles, folder, force=options.force)
         write_deck(case, particles, folder)
-        if elsewhere:
+        if folder.resolve() != case.folder.resolve():
             write_resolved_case(case, folder)
+    except FolderError as error:
+        tell(error, sys.stderr)
+        return 3
     except OSError as error:
         tell(f"cannot write the deck: {error}", sys.stderr)
         return 3
@@ -697,6 +693,24 @@ def main(argv: list[str] | None = None) -> int:
         tell(f"WARNING: {warning}", sys.stderr)
     tell(f"{folder / DECK}: {size_of(case, particles)}")
     return 0
+
+
+def _make_way(case: Case, particles: Particles, folder: Path, *, force: bool) -> None:
+    """Refuse a folder with another case or its run; with `force`, the state of that run goes."""
+    require_idle(folder)
+    elsewhere = folder.resolve() != case.folder.resolve()
+    if elsewhere and (folder / CASE).exists() and not force:
+        raise FolderError(f"{folder} holds a case already: give --force to replace it")
+    states = [folder / name for name in RESTARTS if (folder / name).exists()]
+    if not states:
+        return
+    deck = folder / DECK
+    if deck.is_file() and deck.read_bytes() == deck_text(case, particles).encode("ascii"):
+        return
+    if not force:
+        raise FolderError(f"{folder} holds the state of another run: give --force to remove it")
+    for state in states:
+        state.unlink()
 
 
 def _out_of_memory() -> int:

@@ -22,10 +22,11 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from lammps_blast.deck import DECK, ENERGY_TABLE, LOG
+from lammps_blast.deck import DECK, ENERGY_TABLE, LOG, RESTARTS
 from lammps_blast.lammps_program import mpi_library
 from lammps_blast.plugin_folder import plugin_file, require_plugin
 from lammps_blast.ranks import LaunchedRanks, RankedLammps, RankError, is_of_one_rank
+from lammps_blast.restart_notes import newest_restart
 
 STEP_KEYS = "time.step or, with integrator implicit, time.implicit.max_step"
 
@@ -111,11 +112,19 @@ def run_deck(run: DeckRun, console: Console | None = None) -> None:
     if execution.lammps_error is not None:
         raise EngineError(_explanation(execution.lammps_error, run.folder))
     if execution.steps_done < run.steps:
-        raise InterruptedRunError(
-            f"interrupted at {execution.steps_done * run.timestep:.6g} s; to go on, give --resume"
-            if execution.steps_done
-            else "interrupted before the run began"
-        )
+        if not execution.was_asked_to_stop and execution.steps_done <= run.steps_done:
+            raise EngineError(f"{run.folder / DECK} ends before its run: it is not whole")
+        raise InterruptedRunError(_told_interruption(execution.steps_done, run))
+
+
+def _told_interruption(steps_done: int, run: DeckRun) -> str:
+    if not steps_done:
+        return "interrupted before the run began"
+    text = f"interrupted at {steps_done * run.timestep:.6g} s"
+    state = newest_restart(run.folder, RESTARTS)
+    if state is None:
+        return f"{text}, before the first restart file"
+    return f"{text}; to go on at {state.time:.6g} s, give --resume"
 
 
 class _Execution(ABC):
@@ -128,6 +137,11 @@ class _Execution(ABC):
         self.ended = threading.Event()
         self.failure: EngineError | None = None
         self.lammps_error: str | None = None
+
+    @property
+    def was_asked_to_stop(self) -> bool:
+        """Whether `stop` has been called."""
+        return self._stop.is_set()
 
     @property
     @abstractmethod
@@ -186,7 +200,7 @@ class _InProcess(_Execution):
             if self._run.launched and is_of_one_rank(error):
                 self._run.launched.are_broken = True
             # A deck that is stopped between two of its runs ends with an error, and is meant to.
-            if not self._stop.is_set():
+            if not self._stop.is_set() or self.steps_done:
                 self.lammps_error = str(error)
         finally:
             self._close()
@@ -325,6 +339,8 @@ def _advice(lammps_message: str) -> str:
     for sign, advice in (
         ("Unrecognized", "is the plugin of this package installed? try: pip install ."),
         ("annot open", "is there room on the disk, and may the folder be written?"),
+        ("No space left", "make room on the disk, then give --resume"),
+        ("File too large", "raise the limit on the size of files, then give --resume"),
         (
             "packing_did_not_relax",
             "the packing is too dense to come to rest: take a smaller particles.count or"
@@ -342,7 +358,7 @@ def _advice(lammps_message: str) -> str:
     ):
         if sign in lammps_message:
             return advice
-    return f"to see it happen: go to the run folder and type lmp -in {DECK}"
+    return f"to see it happen: in a copy of the run folder, type lmp -in {DECK}"
 
 
 def _line_number(deck: Path, command: str) -> int | None:

@@ -200,8 +200,8 @@ def _error_of_lammps(output: str) -> str | None:
 
 
 def _how_they_ended(output: str, status: int) -> str:
-    found = re.search(r"EXIT CODE: (\d+)", output)
-    code = int(found[1]) if found else status
-    with contextlib.suppress(ValueError):
-        return f"a rank of LAMMPS died, of signal {signal.Signals(code).name}"
-    return f"a rank of LAMMPS ended with status {code}"
+    found = re.search(r"\(signal (\d+)\)", output)
+    if found:
+        with contextlib.suppress(ValueError):
+            return f"a rank of LAMMPS died, of signal {signal.Signals(int(found[1])).name}"
+    return f"a rank of LAMMPS ended with status {status}"

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-_SEAL = re.compile(rb"sealed by lammps-blast: ([0-9a-f]{16}) ([0-9a-f]{8})\n.{16}\Z", re.S)
+_SEAL = re.compile(
+    rb"sealed by lammps-blast: ([0-9a-f]{16}) ([0-9a-f]{8})\nLammpS RestartT\0\Z", re.S
+)
 _SEAL_BYTES = 24 + 16 + 1 + 8 + 1 + 16
 _BUFFER_BYTES = 2**20
 
@@ -46,7 +48,7 @@ class RestartNotes:
     def fits_outputs(self, folder: Path) -> bool:
         """Tell whether a run folder still has all that the files held then."""
         return all(
-            (folder / name).is_file() and (folder / name).stat().st_size >= size
+            max(_size(folder / name), _size(folder / f"{name}.kept")) >= size
             for name, size in self.outputs.items()
         )
 
@@ -66,12 +68,24 @@ def newest_restart(folder: Path, names: Iterable[str]) -> RestartNotes | None:
     return max(usable, key=lambda notes: notes.step, default=None)
 
 
+def unusable_restarts(folder: Path, names: Iterable[str]) -> list[str]:
+    """Return why restart files that are there cannot be gone on from, one line each."""
+    reasons = []
+    for name in names:
+        notes = read_restart_notes(folder / name)
+        if notes is None and (folder / name).exists():
+            reasons.append(f"{folder / name} is damaged, or not whole")
+        elif notes is not None and not notes.fits_outputs(folder):
+            reasons.append(f"{folder / name} goes with longer output files than there are")
+    return reasons
+
+
 def read_restart_notes(file: Path) -> RestartNotes | None:
     """Return the notes of a restart file; None if there is none, or it is not what was sealed."""
     try:
         with file.open("rb") as stream:
             return _notes(file, stream)
-    except OSError:
+    except (OSError, OverflowError, ValueError, KeyError, IndexError):
         return None
 
 
@@ -85,7 +99,10 @@ def _notes(file: Path, stream: BinaryIO) -> RestartNotes | None:
         return None
     begin = int(seal[1], 16)
     stream.seek(begin)
-    lines = stream.read(position - begin).decode("utf-8", errors="replace").splitlines()
+    text = stream.read(position - begin).decode("utf-8", errors="replace")
+    if not text.startswith("\nstep "):
+        return None
+    lines = text.splitlines()
     pairs = [line.split(" ", 1) for line in lines if " " in line]
     values = dict(reversed(pairs))
     outputs = [words.split(" ", 1) for keyword, words in pairs if keyword == "output"]
@@ -95,6 +112,11 @@ def _notes(file: Path, stream: BinaryIO) -> RestartNotes | None:
         timestep=float(values["clock"].split()[2]),
         outputs={name: int(size) for size, name in outputs},
     )
+
+
+def _size(file: Path) -> int:
+    """Return the size of a file, bytes; that of none is below zero."""
+    return file.stat().st_size if file.is_file() else -1
 
 
 def _checksum(stream: BinaryIO, count: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import filecmp
 import re
 from collections.abc import Mapping
@@ -10,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from lammps_blast.case import Case, CaseError, ParticlesFromFile, dump_case, load_case, parse_case
-from lammps_blast.deck import CASE, DECK, PARTICLE_TABLE, RESTARTS
+from lammps_blast.deck import CASE, DECK, LOG, PARTICLE_TABLE, RESTARTS
+from lammps_blast.input_files import mapped
 from lammps_blast.pair_commands import number
-from lammps_blast.restart_notes import RestartNotes, newest_restart
+from lammps_blast.restart_notes import RestartNotes, newest_restart, unusable_restarts
 
 # What may change when a run goes on: how it is called, how long it lasts, how often it is saved.
 FREE_KEYS = {"name", "title", "time.duration", "output.restart_interval"}
@@ -60,7 +62,10 @@ def resumption(case_file: Path, folder: Path) -> Resumption:
     """
     if not (folder / CASE).is_file():
         raise ResumptionError(f"{folder} holds no run to go on with: run it without --resume")
-    kept = load_case(folder / CASE)
+    try:
+        kept = load_case(folder / CASE)
+    except CaseError as error:
+        raise ResumptionError(f"the case of the run in {folder} is damaged: {error}") from None
     asked = load_case(case_file)
     as_it_was = load_case(case_file, of_run=kept)
     if changes := _changes(kept, as_it_was) + _changed_particles(kept, asked, folder):
@@ -71,6 +76,8 @@ def resumption(case_file: Path, folder: Path) -> Resumption:
         )
     case = _with_duration(kept, asked, as_it_was)
     state = newest_restart(folder, RESTARTS)
+    if state is None:
+        _require_nothing_to_lose(folder)
     if state and not (folder / DECK).is_file():
         raise ResumptionError(f"{folder / DECK} is gone: a run cannot go on without its deck")
     if state and state.step > case.timesteps:
@@ -79,6 +86,20 @@ def resumption(case_file: Path, folder: Path) -> Resumption:
             f" time.duration must be at least that, got {case.time.duration:g}"
         )
     return Resumption(case, state)
+
+
+def _require_nothing_to_lose(folder: Path) -> None:
+    """Refuse to begin anew where a run has come to a restart file, which cannot be used."""
+    reasons = unusable_restarts(folder, RESTARTS)
+    with contextlib.suppress(OSError), mapped(folder / LOG) as log:
+        if not reasons and re.search(rb"(?m)^Restart file .* written at step ", log):
+            reasons.append(f"{folder / RESTARTS[0]} and {folder / RESTARTS[1]} are gone")
+    if reasons:
+        raise ResumptionError(
+            f"the run in {folder} cannot be gone on with:\n  "
+            + "\n  ".join(reasons)
+            + "\nits files are as they were; --force in place of --resume begins anew"
+        )
 
 
 def prepare_resumption(run: Resumption, folder: Path) -> None:
@@ -94,7 +115,7 @@ def prepare_resumption(run: Resumption, folder: Path) -> None:
         "duration": run.case.time.duration,
         "restart_interval": run.case.output.restart_interval,
     }
-    deck = (folder / DECK).read_text(encoding="ascii")
+    deck = (folder / DECK).read_text(encoding="utf-8", errors="surrogateescape")
     for name, value in settings.items():
         line = f"variable {name} index {number(value)}"
         deck = re.sub(rf"^variable {name} index .*$", line, deck, count=1, flags=re.M)
@@ -105,7 +126,7 @@ def prepare_resumption(run: Resumption, folder: Path) -> None:
 def _replace(file: Path, text: str) -> None:
     """Write a file so that it holds the old text or the new one, whatever happens."""
     unfinished = file.with_name(f"{file.name}.unfinished")
-    unfinished.write_text(text, encoding="utf-8")
+    unfinished.write_text(text, encoding="utf-8", errors="surrogateescape")
     unfinished.replace(file)
 
 
@@ -141,8 +162,11 @@ def _changed_particles(kept: Case, asked: Case, folder: Path) -> list[str]:
         for case, case_folder in ((kept, folder), (asked, asked.folder))
         if isinstance(case.particles, ParticlesFromFile)
     ]
-    if len(files) < 2 or filecmp.cmp(*files, shallow=False):
-        return []
+    try:
+        if len(files) < 2 or filecmp.cmp(*files, shallow=False):
+            return []
+    except OSError as error:
+        return [f"particles.file: {error}"]
     return [f"particles.file: {files[1]} is not what it was when the run began"]
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import fcntl
 import os
 import signal
 import sys
@@ -46,17 +45,18 @@ from lammps_blast.engine import (
     lammps_warnings,
     run_deck,
 )
+from lammps_blast.folder_lock import FolderError, folder_lock
 from lammps_blast.particles import Particles, create_particles
 from lammps_blast.ranks import LaunchedRanks
 from lammps_blast.resource_limits import BYTES_TO_RUN, check_room, memory_shortage
+from lammps_blast.restart_notes import unusable_restarts
 from lammps_blast.resumption import Resumption, ResumptionError, prepare_resumption, resumption
 
 DONE, INVALID, FAILED, INTERRUPTED = 0, 2, 3, 130
-FOLDER_LOCK = ".lock"
-
-
-class FolderError(RuntimeError):
-    """The output folder cannot be used; `str()` says why and what to do."""
+# What a batch system sends to end a run, at its time or ahead of it.
+ASKING = (signal.SIGTERM, signal.SIGUSR1)
+# Of the cores, how many ranks may be asked for: more are a slip of the finger.
+RANKS_A_CORE = 16
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -86,7 +86,7 @@ def _lead(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
     console = Console(stderr=True, quiet=options.quiet)
     if options.threads:
         os.environ["OMP_NUM_THREADS"] = str(options.threads)
-    before = signal.signal(signal.SIGTERM, _interrupt)
+    before = {number: signal.signal(number, _interrupt) for number in ASKING}
     try:
         summary = run_case(options, console, launched)
     except CaseError as error:
@@ -105,7 +105,8 @@ def _lead(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
         print("interrupted; to go on, give --resume", file=sys.stderr)
         return INTERRUPTED
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
     with contextlib.suppress(BrokenPipeError):  # nobody reads on: all of it is in the folder
         tell(summary)
         sys.stdout.flush()
@@ -121,7 +122,7 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m lammps_blast.run", description=main.__doc__)
     parser.add_argument("case", type=Path, help="case file, YAML")
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="run folder, default runs/NAME"
+        "-o", "--output", type=_folder, metavar="DIR", help="run folder, default runs/NAME"
     )
     beginning = parser.add_mutually_exclusive_group()
     beginning.add_argument("--force", action="store_true", help="replace a run that is in the way")
@@ -131,7 +132,7 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
         help="go on with a run that was interrupted, or for a longer time.duration",
     )
     parser.add_argument(
-        "--ranks", type=_count, default=1, metavar="N", help="MPI ranks on this machine, default 1"
+        "--ranks", type=_ranks, default=1, metavar="N", help="MPI ranks on this machine, default 1"
     )
     parser.add_argument(
         "--threads",
@@ -142,6 +143,19 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--no-figures", action="store_true", help="numbers only")
     parser.add_argument("--quiet", action="store_true", help="no progress")
     return parser.parse_args(argv)
+
+
+def _folder(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError("must name a folder, got nothing")
+    return Path(text)
+
+
+def _ranks(text: str) -> int:
+    number, most = _count(text), RANKS_A_CORE * (os.cpu_count() or 1)
+    if number > most:
+        raise argparse.ArgumentTypeError(f"must be at most {most} on this machine, got {text}")
+    return number
 
 
 def _count(text: str) -> int:
@@ -179,6 +193,8 @@ def run_case(
         steps_done = 0
         if particles is None:
             run = resumption(options.case, folder)
+            for reason in unusable_restarts(folder, RESTARTS):
+                _say(Console(stderr=True), f"WARNING: {reason}")
             if run.state:
                 case, steps_done = run.case, run.steps_done
                 _prepare_to_go_on(run, folder, console)
@@ -244,33 +260,6 @@ def _prepare_to_go_on(run: Resumption, folder: Path, console: Console) -> None:
 def _say(console: Console, text: str) -> None:
     """Print as it is what may quote the name of a file."""
     console.print(shown_text(text, console.encoding), highlight=False, markup=False)
-
-
-@contextlib.contextmanager
-def folder_lock(folder: Path, *, create: bool) -> Iterator[None]:
-    """Keep other runs out of a folder; the system ends a lock with the process that holds it.
-
-    Raises
-    ------
-    FolderError
-        If another run holds it, or the folder cannot be written.
-    """
-    try:
-        if create:
-            folder.mkdir(parents=True, exist_ok=True)
-        if not folder.is_dir():
-            raise FolderError(f"there is no run folder {folder} to go on with")
-        file = (folder / FOLDER_LOCK).open("a+")
-    except OSError as error:
-        raise FolderError(f"cannot write the run folder {folder}: {error}") from error
-    with file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise FolderError(f"another run is at work in {folder}: wait for its end") from None
-        except OSError:
-            pass  # a file system without locks
-        yield
 
 
 def _import_ahead(figures: bool) -> None:

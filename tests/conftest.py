@@ -1,5 +1,6 @@
 """Ways to put a handful of charged spheres into LAMMPS and to run decks, for all tests."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -121,3 +122,17 @@ def blast(command, *arguments, folder, **options):
         timeout=300,
         **options,
     )
+
+
+def ranks_at_work(folder):
+    """Return the processes of `lmp` that work in a folder."""
+    found = []
+    for process in os.listdir("/proc"):
+        try:
+            if os.readlink(f"/proc/{process}/exe").endswith("/lmp") and os.path.samefile(
+                f"/proc/{process}/cwd", folder
+            ):
+                found.append(int(process))
+        except OSError:
+            continue
+    return found

@@ -9,6 +9,7 @@ import zlib
 
 import numpy as np
 import pytest
+from conftest import ranks_at_work
 
 from lammps_blast.case import parse_case
 from lammps_blast.deck import RESTARTS, write_deck
@@ -340,6 +341,38 @@ def test_a_signal_ends_a_run_with_a_restart_file(tmp_path, asking, ranks):
     table = np.genfromtxt(folder / "energy.csv", delimiter=",", names=True)
     assert np.allclose(np.diff(table["time"]), 0.005)
     assert table["time"][-1] == pytest.approx(end)
+
+
+def test_a_signal_that_comes_twice_is_one_wish(tmp_path):
+    """A batch system tells all processes, and the launcher tells its ranks once more."""
+    folder = deck_of(tmp_path / "run", {"output": CLOUD["output"] | {"restart_interval": 500.0}})
+    process = start(folder, ranks=2)
+    process.send_signal(signal.SIGTERM)
+    for rank in ranks_at_work(folder):
+        os.kill(rank, signal.SIGTERM)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 0, said
+    assert read_restart_notes(folder / RESTARTS[0]).fits_outputs(folder)
+
+
+@pytest.mark.parametrize("beyond", range(1, 67, 5))
+def test_every_byte_of_the_seal_counts(finished, beyond):
+    folder = finished() if beyond == 1 else finished(name=f"whole{beyond}")
+    newest, oldest = newest_and_oldest(folder)
+    content = bytearray(newest.file.read_bytes())
+    content[-beyond] ^= 4
+    newest.file.write_bytes(content)
+    assert read_restart_notes(newest.file) is None
+    assert f"goes on from restart/{oldest.file.name}" in run_well(folder, restart="newest").said
+
+
+def test_an_end_before_the_present_is_refused(finished):
+    folder = finished(FORCES)
+    expected = outputs(folder)
+    done = run(folder, restart="newest", duration=0.03)
+    assert done.returncode != 0
+    assert "has come to step 500 already" in done.said
+    assert outputs(folder) == expected
 
 
 def test_one_run_at_a_time_in_a_folder(tmp_path):

@@ -11,12 +11,13 @@ import time
 
 import numpy as np
 import pytest
-from conftest import PROGRAMS, blast, lmp
+from conftest import PROGRAMS, blast, lmp, ranks_at_work
 
 from lammps_blast.analysis import EnergyLedger
 from lammps_blast.case import load_case
 from lammps_blast.contacts import ContactFrames
 from lammps_blast.deck import ENERGY_ACCOUNTS, RESTARTS
+from lammps_blast.lammps_program import find_lmp, program_environment
 from lammps_blast.restart_notes import newest_restart
 from lammps_blast.trajectory import open_universe
 
@@ -513,6 +514,45 @@ def test_particles_of_another_file_are_not_gone_on_with(tmp_path):
     assert "spheres.csv is not what it was when the run began" in done.stderr
 
 
+@pytest.mark.parametrize("how", ["damaged", "gone"])
+def test_nothing_is_lost_where_a_run_cannot_be_resumed(tmp_path, how):
+    assert run(tmp_path).returncode == 0
+    for name in RESTARTS:
+        file = tmp_path / "runs" / "small" / name
+        content = bytearray(file.read_bytes())
+        content[len(content) // 2] ^= 1
+        file.unlink()
+        if how == "damaged":
+            file.write_bytes(content)
+    before = tree(tmp_path / "runs")
+    done = run(tmp_path, "--resume")
+    assert done.returncode == 3
+    assert "cannot be gone on with" in done.stderr
+    assert f"blast.2 is {how}" in done.stderr or f"blast.2 are {how}" in done.stderr
+    assert tree(tmp_path / "runs") == before
+
+
+def test_lmp_at_work_keeps_its_files(tmp_path):
+    (tmp_path / "case.yaml").write_text(CASE)
+    folder = tmp_path / "runs" / "small"
+    assert blast("deck", "case.yaml", "-o", folder, folder=tmp_path).returncode == 0
+    at_work = subprocess.Popen(
+        [str(find_lmp()), "-in", "in.blast", "-log", "none", "-var", "duration", "200.0"],
+        cwd=folder,
+        env=program_environment(),
+        stdout=subprocess.DEVNULL,
+    )
+    wait_for(lambda: (folder / "energy.csv").exists())
+    for command in ("run", "deck"):
+        words = ("-o", folder, "--force")
+        done = blast(command, "case.yaml", *words, folder=tmp_path)
+        assert done.returncode == 3
+        assert "another run is at work in" in done.stderr
+    assert (folder / "energy.csv").exists()
+    at_work.kill()
+    at_work.wait()
+
+
 def test_there_must_be_a_run_to_resume(tmp_path):
     done = run(tmp_path, "--resume")
     assert done.returncode == 3
@@ -591,20 +631,6 @@ def test_a_rank_that_dies_takes_the_run_down_and_is_told(tmp_path):
     assert "a rank of LAMMPS died, of signal SIGKILL; to go on, give --resume" in errors
 
 
-def ranks_at_work(folder):
-    """Return the processes of `lmp` that work in a folder."""
-    found = []
-    for process in os.listdir("/proc"):
-        try:
-            if os.readlink(f"/proc/{process}/exe").endswith("/lmp") and os.path.samefile(
-                f"/proc/{process}/cwd", folder
-            ):
-                found.append(int(process))
-        except OSError:
-            continue
-    return found
-
-
 def test_interruption_of_a_relaxation_is_one_before_the_run(tmp_path):
     # With no motion allowed at all, spheres jostle for as long as the deck lets them.
     text = CLUSTER.replace("count: 60, radius: 0.05", "count: 300, radius: 0.12")
@@ -628,7 +654,7 @@ def test_text_and_binary_runs_are_the_same(tmp_path):
         assert run(tmp_path, "--output", form, text=text).returncode == 0
     universes = [open_universe(tmp_path / form) for form in ("text", "binary")]
     for a, b in zip(*(universe.trajectory for universe in universes), strict=True):
-        assert a.time == b.time
+        assert a.time == pytest.approx(b.time, rel=1e-14)
         for key in ("position", "velocity", "force", "torque", "mass", "q"):
             assert a.data[key] == pytest.approx(b.data[key], rel=1e-14, abs=1e-300)
 

@@ -19,7 +19,7 @@ void BlastNewRun::command(int narg, char **arg)
   if (narg < 3) utils::missing_cmd_args(FLERR, "blast_new_run", error);
   if (strcmp(arg[narg - 2], "lock") != 0)
     error->all(FLERR, "{} needs at its end: lock and the name of a file", STYLE);
-  require_unlocked(lmp, STYLE, arg[narg - 1]);
+  take_lock_for_fix(lmp, STYLE, arg[narg - 1]);
   if (comm->me != 0) return;
   for (int iarg = 0; iarg < narg - 2; iarg++) {
     std::error_code failure;

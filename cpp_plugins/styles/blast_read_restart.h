@@ -34,6 +34,7 @@ private:
 
   std::vector<std::string> files;
   double step = 0.0; // that is expected; zero: any
+  bigint last_step = -1; // that the run is to come to; below zero: any
 };
 
 } // namespace LAMMPS_NS

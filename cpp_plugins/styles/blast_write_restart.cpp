@@ -31,7 +31,12 @@ void BlastWriteRestart::command(int narg, char **arg)
   draw_box_in(lmp);
   // Under another name, as long as it is not whole: what the file held until then is lost last.
   const std::string unfinished = files[0] + ".unfinished";
+  const double time = update->atime;
+  const bigint time_step = update->atimestep;
   input->one(fmt::format("write_restart \"{}\"", unfinished));
+  // LAMMPS has moved its zero of time here, and the times to come would be rounded otherwise.
+  update->atime = time;
+  update->atimestep = time_step;
   if (comm->me != 0) return;
   const std::string file = older_file();
   try {

@@ -4,12 +4,32 @@
 #include "error.h"
 #include "lammps.h"
 
-void LAMMPS_NS::require_unlocked(LAMMPS *lmp, const char *style, const char *name)
+#include <utility>
+
+using namespace LAMMPS_NS;
+
+namespace {
+
+// Between a command and the fix that follows it in an input, nobody else can hold what was taken.
+std::unique_ptr<FileLock> taken;
+std::string name_of_taken;
+
+} // namespace
+
+void LAMMPS_NS::take_lock_for_fix(LAMMPS *lmp, const char *style, const char *name)
 {
   if (lmp->comm->me != 0) return;
+  taken.reset();
   try {
-    const FileLock free(name);
+    taken = std::make_unique<FileLock>(name);
+    name_of_taken = name;
   } catch (const std::runtime_error &failure) {
     lmp->error->one(FLERR, "{}: {}", style, failure.what());
   }
+}
+
+std::unique_ptr<FileLock> LAMMPS_NS::lock_taken_over(const std::string &name)
+{
+  if (taken && name_of_taken == name) return std::move(taken);
+  return std::make_unique<FileLock>(name);
 }

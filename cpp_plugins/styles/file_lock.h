@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstring>
 #include <fcntl.h>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <sys/file.h>
@@ -42,8 +43,12 @@ private:
   int descriptor = -1;
 };
 
-// Stops LAMMPS while another process holds a lock; `style` names the command that asks.
-void require_unlocked(LAMMPS *lmp, const char *style, const char *name);
+// Takes a lock on the first rank, for a fix to take over; stops LAMMPS while another process holds
+// it. `style` names the command that asks.
+void take_lock_for_fix(LAMMPS *lmp, const char *style, const char *name);
+
+// The lock that a command has taken, or one taken now. Throws std::runtime_error as the lock does.
+std::unique_ptr<FileLock> lock_taken_over(const std::string &name);
 
 } // namespace LAMMPS_NS
 

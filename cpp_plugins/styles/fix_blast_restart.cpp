@@ -1,7 +1,6 @@
 #include "fix_blast_restart.h"
 
 #include "kept_output.h"
-#include "simulated_time.h"
 #include "style_arguments.h"
 
 #include "comm.h"
@@ -12,7 +11,8 @@
 #include "utils.h"
 
 #include <algorithm>
-#include <cmath>
+#include <atomic>
+#include <ctime>
 #include <cstring>
 #include <stdexcept>
 
@@ -25,6 +25,8 @@ static constexpr char STYLE[] = "Fix blast/restart";
 static constexpr int SIGNALS[] = {SIGTERM, SIGINT, SIGUSR1};
 // Steps between two looks at whether any of several ranks was asked to stop.
 static constexpr int STEPS_BETWEEN_LOOKS = 10;
+
+static constexpr std::time_t SECONDS_OF_ONE_WISH = 10;
 
 // A signal can tell nobody else.
 static volatile std::sig_atomic_t signal_that_asked = 0;
@@ -47,7 +49,6 @@ FixBlastRestart::FixBlastRestart(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, n
     else
       binary_dumps.emplace_back(arg[iarg + 1]);
   }
-  zero = {update->atime, update->atimestep, update->dt};
   nevery = comm->nprocs == 1 ? 1 : STEPS_BETWEEN_LOOKS;
   restart_global = 1;
   listen();
@@ -66,7 +67,7 @@ void FixBlastRestart::take_lock(const char *name)
 {
   if (comm->me != 0) return;
   try {
-    lock = std::make_unique<FileLock>(name);
+    lock = lock_taken_over(name);
   } catch (const std::runtime_error &failure) {
     error->one(FLERR, "{}: {}", STYLE, failure.what());
   }
@@ -81,36 +82,31 @@ void FixBlastRestart::listen()
     if (before.sa_handler != SIG_DFL) continue;
     struct sigaction asking = {};
     asking.sa_handler = &FixBlastRestart::ask_to_stop;
-    // A second signal ends the program at once.
-    asking.sa_flags = SA_RESETHAND | SA_RESTART;
+    asking.sa_flags = SA_RESTART;
     sigaction(signal, &asking, nullptr);
     listened.push_back({signal, before});
   }
 }
 
+// Launchers hand signals on that the ranks have got as well: the same wish, told twice. One that
+// comes later is meant to end the program at once.
 void FixBlastRestart::ask_to_stop(int signal)
 {
+  static std::atomic<std::time_t> asked_at{0};
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  if (signal_that_asked == 0) {
+    asked_at = now.tv_sec;
+  } else if (now.tv_sec - asked_at > SECONDS_OF_ONE_WISH) {
+    std::signal(signal, SIG_DFL);
+    std::raise(signal);
+  }
   signal_that_asked = signal;
 }
 
 int FixBlastRestart::setmask()
 {
   return END_OF_STEP;
-}
-
-// LAMMPS moves its zero of time to the beginning of every run, and so rounds the times in it
-// otherwise than in a run of one part.
-void FixBlastRestart::init()
-{
-  const double steps = static_cast<double>(update->ntimestep - zero.step);
-  const double expected = zero.time + steps * zero.length_of_step;
-  const double off = std::abs(simulated_time(*update) - expected);
-  if (update->dt == zero.length_of_step && off < 1.0e-6 * update->dt) {
-    update->atime = zero.time;
-    update->atimestep = zero.step;
-  } else {
-    zero = {update->atime, update->atimestep, update->dt};
-  }
 }
 
 // Dumps do not know that their frame of this step was written before the restart.

@@ -21,7 +21,6 @@ public:
   ~FixBlastRestart() override;
 
   int setmask() override;
-  void init() override;
   void setup(int) override;
   void end_of_step() override;
   void write_restart(FILE *) override;
@@ -40,13 +39,6 @@ private:
     struct sigaction before;
   };
   std::vector<Listened> listened;
-  // A step and its time, from which all times of the run are counted.
-  struct Zero {
-    double time;
-    bigint step;
-    double length_of_step;
-  } zero;
-
   bool goes_on = false;               // from a restart file
   std::vector<bigint> frames_written; // the step of each dump's last frame
   std::vector<std::string> binary_dumps;

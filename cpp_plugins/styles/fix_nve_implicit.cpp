@@ -258,7 +258,8 @@ void FixNVEImplicit::cross_interval()
   }
   // LAMMPS itself renews lists, if need be, and computes the forces.
   if (lists_need_renewal()) next_reneighbor = update->ntimestep;
-  if (history) fflush(history);
+  if (history && fflush(history) != 0)
+    error->one(FLERR, "{} cannot write {}: {}", STYLE, history_name, utils::getsyserror());
 }
 
 void FixNVEImplicit::final_integrate()

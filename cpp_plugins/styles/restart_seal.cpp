@@ -1,5 +1,6 @@
 #include "restart_seal.h"
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cinttypes>
@@ -47,9 +48,11 @@ Seal seal_of(FILE *file)
   const std::int64_t size = ftell(file);
   const auto position = size - static_cast<std::int64_t>(count);
   Seal seal;
+  const char *closing = text + SEAL_BYTES;
   if (position < 0 || fseek(file, position, SEEK_SET) != 0 ||
       fread(text, 1, count, file) != count ||
       sscanf(text, SEAL_TO_READ, &seal.begin_of_notes, &seal.checksum) != 2 ||
+      memcmp(closing, CLOSING_WORD, CLOSING_BYTES) != 0 ||
       seal.begin_of_notes > static_cast<std::uint64_t>(position))
     throw std::runtime_error("ends before its seal");
   seal.position = position;
@@ -82,6 +85,7 @@ RestartNotes notes_of(const std::string &path, bool all_of_it)
   fseek(file.get(), static_cast<std::int64_t>(seal.begin_of_notes), SEEK_SET);
   if (fread(&text[0], 1, text.size(), file.get()) != text.size())
     throw failure("cannot be read to its end");
+  if (text.compare(0, 6, "\nstep ") != 0) throw std::runtime_error("has no notes where it says");
   return RestartNotes::of_text(text);
 }
 

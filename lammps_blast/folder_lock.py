@@ -1,0 +1,62 @@
+"""Locks that keep two runs out of one folder, and end with the processes that hold them."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+FOLDER_LOCK = ".lock"
+# That of LAMMPS itself.
+RUN_LOCK = "restart/lock"
+
+
+class FolderError(RuntimeError):
+    """A run folder cannot be used; `str()` says why and what to do."""
+
+
+@contextlib.contextmanager
+def folder_lock(folder: Path, *, create: bool) -> Iterator[None]:
+    """Keep other runs out of a folder.
+
+    Raises
+    ------
+    FolderError
+        If another run is at work in it, by this package or by LAMMPS alone, or the folder cannot be
+        written.
+    """
+    try:
+        if create:
+            folder.mkdir(parents=True, exist_ok=True)
+        if not folder.is_dir():
+            raise FolderError(f"there is no run folder {folder} to go on with")
+        file = (folder / FOLDER_LOCK).open("a+")
+    except OSError as error:
+        raise FolderError(f"cannot write the run folder {folder}: {error}") from error
+    with file:
+        _take(file, folder)
+        require_idle(folder)
+        yield
+
+
+def require_idle(folder: Path) -> None:
+    """Make sure that no LAMMPS is at work in a folder.
+
+    Raises
+    ------
+    FolderError
+        If there is one.
+    """
+    with contextlib.suppress(FileNotFoundError), (folder / RUN_LOCK).open("r+") as file:
+        _take(file, folder)
+
+
+def _take(file: IO[str], folder: Path) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise FolderError(f"another run is at work in {folder}: wait for its end") from None
+    except OSError:
+        pass  # a file system without locks

@@ -63,7 +63,8 @@ void BlastReadRestart::command(int narg, char **arg)
   const Chosen chosen = told_to_all(newest_whole());
   check_versions(chosen);
   if (last_step >= 0 && chosen.notes.step() > last_step)
-    error->all(FLERR, "{}: the run in {} has come to step {} already, beyond its new end at step {}",
+    error->all(FLERR,
+               "{}: the run in {} has come to step {} already, beyond its new end at step {}",
                STYLE, chosen.file, chosen.notes.step(), last_step);
   arrange_ranks(chosen.notes);
   input->one(fmt::format("read_restart \"{}\"", chosen.file));
@@ -85,8 +86,7 @@ void BlastReadRestart::read_arguments(int narg, char **arg)
   const auto is_keyword = [&](const char *word) {
     return strcmp(word, "lock") == 0 || strcmp(word, "step") == 0 || strcmp(word, "upto") == 0;
   };
-  while (iarg < narg && !is_keyword(arg[iarg]))
-    files.emplace_back(arg[iarg++]);
+  while (iarg < narg && !is_keyword(arg[iarg])) files.emplace_back(arg[iarg++]);
   if (files.empty()) utils::missing_cmd_args(FLERR, "blast_read_restart", error);
   for (; iarg < narg; iarg += 2) {
     require_arguments(lmp, STYLE, iarg, 1, narg, arg);

@@ -33,7 +33,7 @@ private:
   void cut_outputs_back(const RestartNotes &notes) const;
 
   std::vector<std::string> files;
-  double step = 0.0; // that is expected; zero: any
+  double step = 0.0;     // that is expected; zero: any
   bigint last_step = -1; // that the run is to come to; below zero: any
 };
 

@@ -12,8 +12,8 @@
 
 #include <algorithm>
 #include <atomic>
-#include <ctime>
 #include <cstring>
+#include <ctime>
 #include <stdexcept>
 
 using namespace LAMMPS_NS;
@@ -30,6 +30,7 @@ static constexpr std::time_t SECONDS_OF_ONE_WISH = 10;
 
 // A signal can tell nobody else.
 static volatile std::sig_atomic_t signal_that_asked = 0;
+static volatile std::sig_atomic_t has_been_asked = 0;
 
 // For those who have LAMMPS in their own process.
 extern "C" __attribute__((visibility("default"))) void lammps_blast_stop(int signal)
@@ -56,6 +57,8 @@ FixBlastRestart::FixBlastRestart(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, n
 
 FixBlastRestart::~FixBlastRestart()
 {
+  // A signal that is handed on late must not end the program that is about to end.
+  if (has_been_asked) return;
   for (const auto &[signal, before] : listened) {
     struct sigaction present;
     sigaction(signal, nullptr, &present);
@@ -102,6 +105,7 @@ void FixBlastRestart::ask_to_stop(int signal)
     std::raise(signal);
   }
   signal_that_asked = signal;
+  has_been_asked = 1;
 }
 
 int FixBlastRestart::setmask()

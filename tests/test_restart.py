@@ -355,7 +355,7 @@ def test_a_signal_that_comes_twice_is_one_wish(tmp_path):
     assert read_restart_notes(folder / RESTARTS[0]).fits_outputs(folder)
 
 
-@pytest.mark.parametrize("beyond", range(1, 67, 5))
+@pytest.mark.parametrize("beyond", range(1, 67, 13))
 def test_every_byte_of_the_seal_counts(finished, beyond):
     folder = finished() if beyond == 1 else finished(name=f"whole{beyond}")
     newest, oldest = newest_and_oldest(folder)

@@ -54,7 +54,12 @@ class RestartNotes:
 
 
 def newest_restart(folder: Path, names: Iterable[str]) -> RestartNotes | None:
-    """Return the notes of the newest restart file of a run folder to go on from; None without one.
+    """Return the notes of the newest restart file to go on from, as :func:`look_at_restarts`."""
+    return look_at_restarts(folder, names)[0]
+
+
+def look_at_restarts(folder: Path, names: Iterable[str]) -> tuple[RestartNotes | None, list[str]]:
+    """Return the notes of the newest restart file to go on from, and why others that exist are not.
 
     Parameters
     ----------
@@ -63,21 +68,17 @@ def newest_restart(folder: Path, names: Iterable[str]) -> RestartNotes | None:
     names
         Restart files, relative to it.
     """
-    found = [read_restart_notes(folder / name) for name in names]
-    usable = [notes for notes in found if notes is not None and notes.fits_outputs(folder)]
-    return max(usable, key=lambda notes: notes.step, default=None)
-
-
-def unusable_restarts(folder: Path, names: Iterable[str]) -> list[str]:
-    """Return why restart files that are there cannot be gone on from, one line each."""
-    reasons = []
+    usable, reasons = [], []
     for name in names:
         notes = read_restart_notes(folder / name)
-        if notes is None and (folder / name).exists():
-            reasons.append(f"{folder / name} is damaged, or not whole")
-        elif notes is not None and not notes.fits_outputs(folder):
+        if notes is None:
+            if (folder / name).exists():
+                reasons.append(f"{folder / name} is damaged, or not whole")
+        elif notes.fits_outputs(folder):
+            usable.append(notes)
+        else:
             reasons.append(f"{folder / name} goes with longer output files than there are")
-    return reasons
+    return max(usable, key=lambda notes: notes.step, default=None), reasons
 
 
 def read_restart_notes(file: Path) -> RestartNotes | None:

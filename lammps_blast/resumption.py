@@ -14,7 +14,7 @@ from lammps_blast.case import Case, CaseError, ParticlesFromFile, dump_case, loa
 from lammps_blast.deck import CASE, DECK, LOG, PARTICLE_TABLE, RESTARTS
 from lammps_blast.input_files import mapped
 from lammps_blast.pair_commands import number
-from lammps_blast.restart_notes import RestartNotes, newest_restart, unusable_restarts
+from lammps_blast.restart_notes import RestartNotes, look_at_restarts
 
 # What may change when a run goes on: how it is called, how long it lasts, how often it is saved.
 FREE_KEYS = {"name", "title", "time.duration", "output.restart_interval"}
@@ -34,10 +34,13 @@ class Resumption:
         The case of the run folder, with its new duration.
     state
         Where it goes on; None from the beginning.
+    unusable
+        Why other restart files, if there are any, cannot be gone on from.
     """
 
     case: Case
     state: RestartNotes | None
+    unusable: list[str]
 
     @property
     def steps_done(self) -> int:
@@ -75,9 +78,9 @@ def resumption(case_file: Path, folder: Path) -> Resumption:
             "undo these changes, or run the case in another folder (--output)"
         )
     case = _with_duration(kept, asked, as_it_was)
-    state = newest_restart(folder, RESTARTS)
+    state, unusable = look_at_restarts(folder, RESTARTS)
     if state is None:
-        _require_nothing_to_lose(folder)
+        _require_nothing_to_lose(folder, unusable)
     if state and not (folder / DECK).is_file():
         raise ResumptionError(f"{folder / DECK} is gone: a run cannot go on without its deck")
     if state and state.step > case.timesteps:
@@ -85,12 +88,12 @@ def resumption(case_file: Path, folder: Path) -> Resumption:
             f"the run in {folder} has come to {state.time:g} s already:"
             f" time.duration must be at least that, got {case.time.duration:g}"
         )
-    return Resumption(case, state)
+    return Resumption(case, state, unusable)
 
 
-def _require_nothing_to_lose(folder: Path) -> None:
+def _require_nothing_to_lose(folder: Path, unusable: list[str]) -> None:
     """Refuse to begin anew where a run has come to a restart file, which cannot be used."""
-    reasons = unusable_restarts(folder, RESTARTS)
+    reasons = list(unusable)
     with contextlib.suppress(OSError), mapped(folder / LOG) as log:
         if not reasons and re.search(rb"(?m)^Restart file .* written at step ", log):
             reasons.append(f"{folder / RESTARTS[0]} and {folder / RESTARTS[1]} are gone")

@@ -49,7 +49,6 @@ from lammps_blast.folder_lock import FolderError, folder_lock
 from lammps_blast.particles import Particles, create_particles
 from lammps_blast.ranks import LaunchedRanks
 from lammps_blast.resource_limits import BYTES_TO_RUN, check_room, memory_shortage
-from lammps_blast.restart_notes import unusable_restarts
 from lammps_blast.resumption import Resumption, ResumptionError, prepare_resumption, resumption
 
 DONE, INVALID, FAILED, INTERRUPTED = 0, 2, 3, 130
@@ -193,7 +192,7 @@ def run_case(
         steps_done = 0
         if particles is None:
             run = resumption(options.case, folder)
-            for reason in unusable_restarts(folder, RESTARTS):
+            for reason in run.unusable:
                 _say(Console(stderr=True), f"WARNING: {reason}")
             if run.state:
                 case, steps_done = run.case, run.steps_done

@@ -46,6 +46,7 @@ from lammps_blast.deck import (
     STEP_TABLE,
     counted,
 )
+from lammps_blast.folder_lock import is_at_work
 from lammps_blast.input_files import NUMBER, mapped
 from lammps_blast.neighbours import pair_blocks
 from lammps_blast.pair_histories import FEW_PARTICLES, PairHistories
@@ -655,6 +656,8 @@ def main(argv: list[str] | None = None) -> int:
             warnings.simplefilter("always", UserWarning)
             analyses = analyze(options.path, options.axis, options.timestep)
         _print_warnings(caught)
+        if is_at_work(options.path):
+            tell(f"warning: a run is at work in {options.path}: this is how far it is", sys.stderr)
         folder = options.output or _result_folder(options.path)
         folder.mkdir(parents=True, exist_ok=True)
         summary = write_results(

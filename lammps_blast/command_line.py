@@ -1,5 +1,7 @@
 """The console script `lammps-blast`: one name for the package's commands."""
 
+import contextlib
+import os
 import sys
 from typing import TextIO
 
@@ -36,9 +38,21 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def tell(text: object, stream: TextIO | None = None) -> None:
-    """Print what may quote the name of a file, to standard output if nowhere else."""
+    """Print what may quote the name of a file, to standard output if nowhere else.
+
+    Where nobody reads it, it is lost, and that is no error.
+    """
     stream = stream or sys.stdout
-    print(shown_text(str(text), stream.encoding), file=stream)
+    try:
+        print(shown_text(str(text), stream.encoding), file=stream, flush=True)
+    except BrokenPipeError:
+        send_to_nobody(stream)
+
+
+def send_to_nobody(stream: TextIO) -> None:
+    """Lose what is still to be written to a stream, which Python would fail at in the end."""
+    with contextlib.suppress(OSError), open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def shown_text(text: str, encoding: str | None) -> str:

@@ -1,6 +1,6 @@
-"""Runs a deck with LAMMPS, in this process or in ranks of its own, and tells how far it is.
+"""Runs a deck with LAMMPS, in this process or in ranks of its own.
 
-The engine adds nothing to a simulation: it executes `in.blast` as `lmp -in in.blast` would, watches
+The engine adds nothing to a simulation: it executes `in.blast` as `lmp -in in.blast` would, reads
 the step counter, stops cleanly on Ctrl-C, and turns a failure into one readable message.
 """
 
@@ -12,19 +12,17 @@ import os
 import re
 import signal
 import threading
-import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from lammps_blast.deck import DECK, ENERGY_TABLE, LOG, RESTARTS
 from lammps_blast.lammps_program import mpi_library
 from lammps_blast.plugin_folder import plugin_file, require_plugin
+from lammps_blast.progress import Watched, watch
 from lammps_blast.ranks import LaunchedRanks, RankedLammps, RankError, is_of_one_rank
 from lammps_blast.restart_notes import newest_restart
 
@@ -33,7 +31,6 @@ STEP_KEYS = "time.step or, with integrator implicit, time.implicit.max_step"
 # What a deck says at its end where that came too early.
 _STOPPED = re.compile(r"^Stopped at step (\d+) of \d+\.", re.M)
 _POLL_SECONDS = 0.05
-_PLAIN_LINES = 10
 
 
 class EngineError(RuntimeError):
@@ -98,15 +95,16 @@ def run_deck(run: DeckRun, console: Console | None = None) -> None:
         If the user pressed Ctrl-C, or a signal asked LAMMPS to stop.
     """
     execution: _Execution = _InRanks(run) if run.ranks > 1 else _InProcess(run)
-    with _inside(run.folder):
-        threading.Thread(target=execution.execute, name="LAMMPS", daemon=True).start()
-        try:
-            _watch(execution, run, console)
-        except KeyboardInterrupt:
-            if console is not None:
-                console.print("interrupted: stopping after this step of LAMMPS", highlight=False)
-            execution.stop()
-            execution.ended.wait()
+    before = Path.cwd()
+    os.chdir(run.folder)  # the deck names its files relative to it
+    threading.Thread(target=execution.execute, name="LAMMPS", daemon=True).start()
+    try:
+        watch(execution.watched, console)
+    except KeyboardInterrupt:
+        if console is not None:
+            console.print("interrupted: stopping after this step of LAMMPS", highlight=False)
+        execution.stop()  # during which another Ctrl-C leaves at once
+    os.chdir(before)
     if execution.failure is not None:
         raise execution.failure
     if execution.lammps_error is not None:
@@ -144,6 +142,12 @@ class _Execution(ABC):
         return self._stop.is_set()
 
     @property
+    def watched(self) -> Watched:
+        """The same for those who only look on."""
+        run = self._run
+        return Watched(self.ended, lambda: self.steps_done, run.steps_done, run.steps, run.timestep)
+
+    @property
     @abstractmethod
     def steps_done(self) -> int:
         """Steps of LAMMPS that are over."""
@@ -154,7 +158,7 @@ class _Execution(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Ask LAMMPS to end its run after the present step."""
+        """End LAMMPS's run after the present step, and wait for that."""
 
 
 class _InProcess(_Execution):
@@ -166,6 +170,7 @@ class _InProcess(_Execution):
         self._counter: ctypes.c_int64 | None = None
         self._start_of_time: ctypes.c_double | None = None
         self._last_count = run.steps_done
+        self._closing = threading.Lock()
 
     @property
     def steps_done(self) -> int:
@@ -176,12 +181,15 @@ class _InProcess(_Execution):
         return counter.value if start.value >= 0.0 else 0
 
     def stop(self) -> None:
-        """Ask LAMMPS to end its run after the present step; several ranks have to agree on it."""
         self._stop.set()
-        if self._run.launched:
+        if self._run.launched:  # they have to agree on the step
             ctypes.CDLL(str(plugin_file())).lammps_blast_stop(signal.SIGINT)
-        elif self._lammps is not None:
-            self._lammps.force_timeout()
+            self.ended.wait()
+        # Time and again: a run that begins forgets that one was asked to end.
+        while not self.ended.wait(_POLL_SECONDS):
+            with self._closing:
+                if self._lammps is not None:
+                    self._lammps.force_timeout()
 
     def execute(self) -> None:
         try:
@@ -209,11 +217,13 @@ class _InProcess(_Execution):
     def _close(self) -> None:
         self._last_count, self._counter = self.steps_done, None
         launched = self._run.launched
-        if self._lammps is None or (launched and launched.are_broken):
+        with self._closing:
+            lammps, self._lammps = self._lammps, None
+        if lammps is None or (launched and launched.are_broken):
             return
-        self._lammps.close()
+        lammps.close()
         if launched:
-            self._lammps.finalize()
+            lammps.finalize()
 
 
 class _InRanks(_Execution):
@@ -234,10 +244,10 @@ class _InRanks(_Execution):
         return self._run.steps_done if time is None else round(time / self._run.timestep)
 
     def stop(self) -> None:
-        """Ask all ranks to end their run after the present step."""
         self._stop.set()
         if self._lammps is not None:
             self._lammps.stop()
+        self.ended.wait()
 
     def execute(self) -> None:
         try:
@@ -310,17 +320,6 @@ def _global_number(lammps: Any, name: bytes, kind: Any) -> Any:
     return library.lammps_extract_global(lammps.lmp, name).contents
 
 
-@contextlib.contextmanager
-def _inside(folder: Path) -> Iterator[None]:
-    """Work in a folder: the deck names its files relative to it."""
-    before = Path.cwd()
-    os.chdir(folder)
-    try:
-        yield
-    finally:
-        os.chdir(before)
-
-
 def _explanation(lammps_message: str, folder: Path) -> str:
     """Return LAMMPS's own message with the line of the deck that it stopped at."""
     text = f"LAMMPS stopped: {lammps_message.strip()}"
@@ -383,53 +382,3 @@ def _lines(path: Path) -> list[str]:
         return path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return []
-
-
-def _watch(execution: _Execution, run: DeckRun, console: Console | None) -> None:
-    if console is None:
-        execution.ended.wait()
-    elif console.is_terminal:
-        _watch_with_bar(execution, run, console)
-    else:
-        _watch_with_lines(execution, run, console)
-
-
-def _watch_with_bar(execution: _Execution, run: DeckRun, console: Console) -> None:
-    columns = (BarColumn(), TaskProgressColumn(), TextColumn("{task.fields[report]}"))
-    meter = _Meter(run)
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("run", total=run.steps, report="")
-        while not execution.ended.wait(_POLL_SECONDS):
-            done = _steps_behind(execution)
-            progress.update(task, completed=done, report=meter.report(done))
-
-
-def _watch_with_lines(execution: _Execution, run: DeckRun, console: Console) -> None:
-    meter = _Meter(run)
-    part = run.steps / _PLAIN_LINES
-    next_line = part * (1 + run.steps_done // part)
-    while not execution.ended.wait(_POLL_SECONDS):
-        done = _steps_behind(execution)
-        if next_line <= done < run.steps:
-            console.print(meter.report(done), highlight=False)
-            next_line += part * (1 + (done - next_line) // part)
-
-
-def _steps_behind(execution: _Execution) -> int:
-    """Steps that are over, while LAMMPS is in the next."""
-    return max(0, execution.steps_done - 1)
-
-
-class _Meter:
-    """Simulated time, speed and time left, from the number of steps done."""
-
-    def __init__(self, run: DeckRun) -> None:
-        self._run = run
-        self._started = time.perf_counter()
-
-    def report(self, done: int) -> str:
-        run = self._run
-        speed = (done - run.steps_done) / (time.perf_counter() - self._started)
-        left = f"{(run.steps - done) / speed:.0f} s left" if speed > 0.0 else "starting"
-        simulated = f"{done * run.timestep:.4g} of {run.steps * run.timestep:.4g} s"
-        return f"{simulated}, {max(speed, 0.0):,.0f} steps of LAMMPS/s, {left}"

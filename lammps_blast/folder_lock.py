@@ -18,8 +18,8 @@ class FolderError(RuntimeError):
 
 
 @contextlib.contextmanager
-def folder_lock(folder: Path, *, create: bool) -> Iterator[None]:
-    """Keep other runs out of a folder.
+def folder_lock(folder: Path) -> Iterator[None]:
+    """Keep other runs out of a folder, which is made if there is none.
 
     Raises
     ------
@@ -28,10 +28,7 @@ def folder_lock(folder: Path, *, create: bool) -> Iterator[None]:
         written.
     """
     try:
-        if create:
-            folder.mkdir(parents=True, exist_ok=True)
-        if not folder.is_dir():
-            raise FolderError(f"there is no run folder {folder} to go on with")
+        folder.mkdir(parents=True, exist_ok=True)
         file = (folder / FOLDER_LOCK).open("a+")
     except OSError as error:
         raise FolderError(f"cannot write the run folder {folder}: {error}") from error
@@ -51,6 +48,18 @@ def require_idle(folder: Path) -> None:
     """
     with contextlib.suppress(FileNotFoundError), (folder / RUN_LOCK).open("r+") as file:
         _take(file, folder)
+
+
+def is_at_work(folder: Path) -> bool:
+    """Tell whether LAMMPS is at work in a folder, which may be somebody else's."""
+    try:
+        with (folder / RUN_LOCK).open() as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass  # no lock, or nothing that can be told about it
+    return False
 
 
 def _take(file: IO[str], folder: Path) -> None:

@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from lammps_blast.lammps_program import find_lmp, find_mpiexec, program_environment
 
@@ -86,10 +86,7 @@ class LaunchedRanks:
     def end(self, status: int) -> None:
         """End the others, with or without having been at work; may end this process."""
         if self.are_broken:
-            # They are in the midst of it, and end when their launcher sees this process fail.
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(status)
+            self._leave(status)
         if not self.are_at_work:
             self._run_together()
 
@@ -100,12 +97,23 @@ class LaunchedRanks:
             file.flush()
             lammps.file(file.name)
 
+    def _leave(self, status: int, reason: Exception | None = None) -> NoReturn:
+        """End this process alone: the others end when their launcher sees it fail."""
+        if reason:
+            print(reason, file=sys.stderr)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+
     def _run_together(self, folder: Path | None = None) -> None:
         """Run what the first rank reads: here nothing, there variables and a deck."""
-        from lammps_blast.engine import start_lammps
+        from lammps_blast.engine import EngineError, start_lammps
 
         self.are_at_work = True
-        lammps = start_lammps(log="none")  # which waits for the first rank
+        try:
+            lammps = start_lammps(log="none")  # which waits for the first rank
+        except EngineError as error:
+            self._leave(1, error if self.number > 0 else None)  # the first has told it
         if folder and folder.is_dir():
             os.chdir(folder)
         try:
@@ -113,8 +121,7 @@ class LaunchedRanks:
                 lammps.file(os.devnull)
         except Exception as error:
             if is_of_one_rank(error):
-                print(error, file=sys.stderr, flush=True)
-                os._exit(1)
+                self._leave(1, error)
         lammps.close()
         lammps.finalize()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import filecmp
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -129,7 +130,10 @@ def prepare_resumption(run: Resumption, folder: Path) -> None:
 def _replace(file: Path, text: str) -> None:
     """Write a file so that it holds the old text or the new one, whatever happens."""
     unfinished = file.with_name(f"{file.name}.unfinished")
-    unfinished.write_text(text, encoding="utf-8", errors="surrogateescape")
+    with unfinished.open("w", encoding="utf-8", errors="surrogateescape") as stream:
+        stream.write(text)
+        stream.flush()
+        os.fsync(stream.fileno())
     unfinished.replace(file)
 
 

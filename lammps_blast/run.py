@@ -47,6 +47,7 @@ from lammps_blast.engine import (
 )
 from lammps_blast.folder_lock import FolderError, folder_lock
 from lammps_blast.particles import Particles, create_particles
+from lammps_blast.progress import ProgressConsole
 from lammps_blast.ranks import LaunchedRanks
 from lammps_blast.resource_limits import BYTES_TO_RUN, check_room, memory_shortage
 from lammps_blast.resumption import Resumption, ResumptionError, prepare_resumption, resumption
@@ -82,7 +83,7 @@ def _folder_of(options: argparse.Namespace) -> Path | None:
 
 
 def _lead(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
-    console = Console(stderr=True, quiet=options.quiet)
+    console = ProgressConsole(quiet=options.quiet)
     if options.threads:
         os.environ["OMP_NUM_THREADS"] = str(options.threads)
     before = {number: signal.signal(number, _interrupt) for number in ASKING}
@@ -106,9 +107,7 @@ def _lead(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    with contextlib.suppress(BrokenPipeError):  # nobody reads on: all of it is in the folder
-        tell(summary)
-        sys.stdout.flush()
+    tell(summary)
     return DONE
 
 
@@ -119,7 +118,9 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
 
 def _options(argv: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m lammps_blast.run", description=main.__doc__)
-    parser.add_argument("case", type=Path, help="case file, YAML")
+    parser.add_argument(
+        "case", type=Path, help="case file, YAML; with --resume also the folder of a run"
+    )
     parser.add_argument(
         "-o", "--output", type=_folder, metavar="DIR", help="run folder, default runs/NAME"
     )
@@ -128,7 +129,7 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     beginning.add_argument(
         "--resume",
         action="store_true",
-        help="go on with a run that was interrupted, or for a longer time.duration",
+        help="go on with a run that was interrupted, or is to be longer; begin where there is none",
     )
     parser.add_argument(
         "--ranks", type=_ranks, default=1, metavar="N", help="MPI ranks on this machine, default 1"
@@ -141,7 +142,11 @@ def _options(argv: list[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("--no-figures", action="store_true", help="numbers only")
     parser.add_argument("--quiet", action="store_true", help="no progress")
-    return parser.parse_args(argv)
+    options = parser.parse_args(argv)
+    if options.resume and options.case.is_dir():
+        options.output = options.output or options.case
+        options.case = options.case / CASE
+    return options
 
 
 def _folder(text: str) -> Path:
@@ -184,26 +189,16 @@ def run_case(
         raise FolderError("--ranks starts ranks of its own: it does not go with mpiexec")
     case = load_case(options.case)
     folder = options.output or Path("runs") / case.name
-    is_own_input = folder.resolve() in input_folders(case)
-    if is_own_input and not options.resume:
+    goes_on = options.resume and bool(files_of_a_run(folder))
+    if folder.resolve() in input_folders(case) and not goes_on:
         raise FolderError(f"{folder} holds an input of the case: give another folder (--output)")
-    particles = None if options.resume else _packed(case, folder)
-    with folder_lock(folder, create=not options.resume):
+    particles = None if goes_on else _packed(case, folder)
+    with folder_lock(folder):
         steps_done = 0
         if particles is None:
-            run = resumption(options.case, folder)
-            for reason in run.unusable:
-                _say(Console(stderr=True), f"WARNING: {reason}")
-            if run.state:
-                case, steps_done = run.case, run.steps_done
-                _prepare_to_go_on(run, folder, console)
-            elif is_own_input:
-                raise FolderError(f"{folder} holds no restart file: run its case anew elsewhere")
-            else:
-                _say(console, f"{folder} holds no restart file yet: the run begins anew")
-                particles = _packed(case, folder)
-        if particles is not None:
-            _prepare_afresh(case, particles, folder, options.force or options.resume, console)
+            case, steps_done = _resumed(case, options.case, folder, console)
+        else:
+            _prepare_afresh(case, particles, folder, options.force, console)
         threading.Thread(target=_import_ahead, args=(not options.no_figures,)).start()
         if steps_done < case.timesteps:
             run_deck(
@@ -211,8 +206,26 @@ def run_case(
                 console,
             )
         for warning in lammps_warnings(folder):
-            _say(Console(stderr=True), warning)
+            _say(ProgressConsole(), warning)
         return analyze_run(folder, figures=not options.no_figures)
+
+
+def _resumed(case: Case, case_file: Path, folder: Path, console: Console) -> tuple[Case, int]:
+    """Get a run ready to go on, or to begin anew if it had not come to its first restart file.
+
+    Return its case, and the steps that need not be done again.
+    """
+    run = resumption(case_file, folder)
+    for reason in run.unusable:
+        _say(ProgressConsole(), f"WARNING: {reason}")
+    if run.state:
+        _prepare_to_go_on(run, folder, console)
+        return run.case, run.steps_done
+    if folder.resolve() in input_folders(case):
+        raise FolderError(f"{folder} holds no restart file: run its case anew elsewhere")
+    _say(console, f"{folder} holds no restart file yet: the run begins anew")
+    _prepare_afresh(case, _packed(case, folder), folder, True, console)
+    return case, 0
 
 
 def _packed(case: Case, folder: Path) -> Particles:
@@ -223,9 +236,17 @@ def _packed(case: Case, folder: Path) -> Particles:
             raise CaseError(f"particles.count: {shortage}")
     particles = create_particles(case)
     check_near_field(case, particles)
-    in_the_way = sum(path.lstat().st_size for path in files_of_a_run(folder))
-    check_room(case, len(particles), folder, reclaimed=in_the_way)
+    check_room(case, len(particles), folder, reclaimed=_size_of_a_run(folder))
     return particles
+
+
+def _size_of_a_run(folder: Path) -> int:
+    """Return how many bytes a run takes, which may be at work and rename its files."""
+    size = 0
+    for path in files_of_a_run(folder):
+        with contextlib.suppress(FileNotFoundError):
+            size += path.lstat().st_size
+    return size
 
 
 def _prepare_afresh(
@@ -242,7 +263,7 @@ def _prepare_afresh(
     for remark in remarks(case, particles):
         _say(console, remark)
     for warning in case_warnings(case, particles):
-        _say(Console(stderr=True), f"WARNING: {warning}")
+        _say(ProgressConsole(), f"WARNING: {warning}")
 
 
 def _prepare_to_go_on(run: Resumption, folder: Path, console: Console) -> None:

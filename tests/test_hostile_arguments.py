@@ -58,6 +58,18 @@ RIGHT = {
     "compute lorentz/drag/atom": (4, f"compute c all lorentz/drag/atom {FIELDS}", MOVE),
     "compute blast/contact/local": (4, "compute c all blast/contact/local", MOVE),
     "blast_pulse": (1, "blast_pulse all 10.0 seed 7", MOVE),
+    # Those of restart files, which may be called anything.
+    "blast_new_run": (4, "blast_new_run state.1 lock state.lock", MOVE),
+    "blast_write_restart": (
+        3,
+        "blast_write_restart state.1 state.2 outputs output.csv logs output.csv values one",
+        MOVE,
+    ),
+    "blast_read_restart": (
+        4,
+        "blast_read_restart state.1 lock state.lock step 1e-4 upto 10",
+        MOVE,
+    ),
     # Of pair_coeff, with the pair style that comes before it.
     "pair_coeff blast/contact": (1, CONTACT, MOVE),
     "pair_coeff blast/nearfield": (1, "pair_coeff * * 1e-3 1 1e-4 2", MOVE),
@@ -66,6 +78,8 @@ BEFORE = {
     "pair_coeff blast/contact": "pair_style blast/contact",
     "pair_coeff blast/nearfield": "pair_style blast/nearfield 0.5 mass",
     "fix blast/table": "variable one equal 1",
+    "blast_write_restart": "variable one equal 1",
+    "blast_read_restart": "blast_write_restart state.1 state.2\nclear",
     "compute blast/contact/local": f"pair_style blast/contact\n{CONTACT}",
 }
 NO_NUMBERS = (
@@ -115,6 +129,7 @@ def serve():
     """Obey lists of commands, each in a system of its own, and answer with the error if any."""
     os.chdir(tempfile.mkdtemp())
     write_particle_data(random_cloud(12, seed=3, radius=0.4, charge=1.0), Path("particles.data"))
+    Path("output.csv").touch()
     lammps = start_lammps(log="none")
     # Bins of neighbours take for ever where particles have flown far apart.
     system = SYSTEM.replace("bin", "nsq") + "comm_modify vel yes\ntimestep 1e-4\n"

@@ -399,18 +399,50 @@ def files_of_at_most(size):
     return limit
 
 
-@pytest.mark.parametrize("part", [0.7])
+LONG = {"duration": 0.1, "output_interval": 1e-4}
+
+
 @pytest.mark.parametrize("name", ["free", "contact"])
-def test_a_full_disk_stops_a_run_that_goes_on_when_there_is_room(finished, tmp_path, name, part):
-    long = {"duration": 0.1, "output_interval": 1e-4}
-    expected = outputs(finished(CASES[name], **long))
+def test_a_file_that_grows_too_large_stops_a_run_that_goes_on_when_it_may(finished, tmp_path, name):
+    expected = outputs(finished(CASES[name], **LONG))
     folder = deck_of(tmp_path / "full", CASES[name])
-    size = int(part * len(expected["trajectory.lammpstrj"]))
-    done = run(folder, limit=files_of_at_most(size), **long)
+    size = int(0.7 * len(expected["trajectory.lammpstrj"]))
+    done = run(folder, limit=files_of_at_most(size), **LONG)
     assert done.returncode != 0
     assert "File too large" in done.said
-    run_well(folder, restart="newest", **long)
+    run_well(folder, restart="newest", **LONG)
     assert outputs(folder) == expected
+
+
+def mount(folder, options):
+    subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], check=True, capture_output=True
+    )
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Yield a folder that is a disk of 6 MiB of its own."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    try:
+        mount(folder, "size=6m")
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("only the superuser may mount a disk")
+    yield folder
+    subprocess.run(["umount", "--lazy", folder], check=True)
+
+
+def test_a_full_disk_stops_a_run_that_goes_on_when_there_is_room(finished, small_disk):
+    expected = outputs(finished(CASES["free"], **LONG))
+    deck_of(small_disk)
+    for attempt in range(2):
+        done = run(small_disk, restart="newest" if attempt else "no", **LONG)
+        assert done.returncode != 0
+        assert "No space left on device" in done.said
+    mount(small_disk, "remount,size=100m")
+    run_well(small_disk, restart="newest", **LONG)
+    assert outputs(small_disk) == expected
 
 
 def test_a_restart_file_that_finds_no_room_leaves_the_others(finished):

@@ -127,6 +127,21 @@ def run(folder, *options, text=CASE):
     return blast("run", "case.yaml", "--no-figures", *options, folder=folder)
 
 
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """Return a folder with the case, and its run in runs/small, that is not to be changed."""
+    folder = tmp_path_factory.mktemp("small")
+    assert run(folder).returncode == 0
+    return folder
+
+
+@pytest.fixture
+def finished(small, tmp_path):
+    """Return a copy of the same, which may be changed."""
+    shutil.copytree(small, tmp_path / "finished")
+    return tmp_path / "finished"
+
+
 def test_progress_is_told_in_plain_lines_where_there_is_no_terminal(tmp_path):
     text = CASE.replace("count: 20", "count: 1000").replace("duration: 0.01", "duration: 10.0")
     done = run(tmp_path, text=text.replace("interval: 0.001", "interval: 1.0"))
@@ -135,18 +150,17 @@ def test_progress_is_told_in_plain_lines_where_there_is_no_terminal(tmp_path):
     assert re.search(line, done.stderr), done.stderr
 
 
-def test_finished_run_is_replaced_only_by_force(tmp_path):
-    assert run(tmp_path).returncode == 0
-    keepsakes = [tmp_path / "runs" / "small" / name for name in ("notes.txt", "figures/mine.pdf")]
+def test_finished_run_is_replaced_only_by_force(finished):
+    keepsakes = [finished / "runs" / "small" / name for name in ("notes.txt", "figures/mine.pdf")]
     for keepsake in keepsakes:
         keepsake.parent.mkdir(exist_ok=True)
         keepsake.write_text("mine")
-    before = (tmp_path / "runs" / "small" / "summary.json").read_bytes()
-    refused = run(tmp_path)
+    before = (finished / "runs" / "small" / "summary.json").read_bytes()
+    refused = run(finished)
     assert refused.returncode == 3
     assert "--force" in refused.stderr
-    assert (tmp_path / "runs" / "small" / "summary.json").read_bytes() == before
-    assert run(tmp_path, "--force").returncode == 0
+    assert (finished / "runs" / "small" / "summary.json").read_bytes() == before
+    assert run(finished, "--force").returncode == 0
     assert [keepsake.read_text() for keepsake in keepsakes] == ["mine", "mine"]
 
 
@@ -169,12 +183,11 @@ def test_force_does_not_destroy_the_particle_file(tmp_path):
     assert table.exists()
 
 
-def test_run_that_broke_off_is_called_incomplete(tmp_path):
-    assert run(tmp_path).returncode == 0
-    folder = tmp_path / "runs" / "small"
+def test_run_that_broke_off_is_called_incomplete(finished):
+    folder = finished / "runs" / "small"
     case = folder / "case.yaml"
     case.write_text(case.read_text().replace("duration: 0.01", "duration: 0.02"))
-    done = blast("analyze", folder, "--no-figures", folder=tmp_path)
+    done = blast("analyze", folder, "--no-figures", folder=finished)
     assert "ends before" in done.stdout
     assert json.loads((folder / "summary.json").read_text())["complete"] is False
 
@@ -254,7 +267,8 @@ def test_adaptive_steps_leave_their_history_and_the_same_physics(cluster, tmp_pa
     for name in ("extent_parallel", "extent_perpendicular"):
         assert summary["envelope"][name] == pytest.approx(expected["envelope"][name], rel=0.02)
     # A run without them takes away what is theirs.
-    done = run(tmp_path, "--output", "out", "--force", "--no-figures", text=CLUSTER)
+    short = CLUSTER.replace("duration: 0.2", "duration: 0.02")
+    done = run(tmp_path, "--output", "out", "--force", text=short)
     assert done.returncode == 0, done.stderr
     assert not (tmp_path / "out" / "steps.csv").exists()
     assert not (tmp_path / "out" / "figures" / "steps.png").exists()
@@ -422,6 +436,33 @@ def test_interruption_stops_cleanly_and_keeps_the_state(tmp_path):
     assert not (table.parent / "summary.json").exists()
 
 
+def test_who_interrupts_again_leaves_at_once(tmp_path):
+    """LAMMPS does not stop within a step that lasts for ever."""
+    (tmp_path / "case.yaml").write_text(CASE.replace("duration: 0.01", "duration: 200.0"))
+    deaf = "import lammps_blast.engine as e; e._InProcess.stop = lambda s: s.ended.wait()\n"
+    process = start_run(tmp_path, before=deaf)
+    folder = tmp_path / "runs" / "small"
+    wait_for((folder / "energy.csv").exists)
+    process.send_signal(signal.SIGINT)
+    time.sleep(0.5)
+    assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert "to go on, give --resume" in errors
+    assert {path.name for path in tmp_path.iterdir()} == {"case.yaml", "runs"}
+
+
+def test_a_run_goes_on_when_nobody_reads_how_far_it_is(tmp_path):
+    (tmp_path / "case.yaml").write_text(LONGER)
+    process = start_run(tmp_path)
+    process.stderr.close()
+    process.stdout.close()
+    assert process.wait(timeout=60) == 0
+    assert (tmp_path / "runs" / "small" / "summary.json").exists()
+
+
 def state_of(folder):
     """Return what a run has written that it goes on with."""
     return {name: (folder / name).read_bytes() for name in ("energy.csv", "trajectory.lammpstrj")}
@@ -432,10 +473,17 @@ LONGER = CASE.replace("duration: 0.01", "duration: 3.0").replace(
 )
 
 
+@pytest.fixture(scope="module")
+def longer(tmp_path_factory):
+    """Return what the longer run writes when it is left alone."""
+    folder = tmp_path_factory.mktemp("longer")
+    assert run(folder, text=LONGER).returncode == 0
+    return state_of(folder / "runs" / "small")
+
+
 @pytest.mark.parametrize("asking", [signal.SIGTERM, signal.SIGKILL])
-def test_a_run_that_was_ended_is_resumed(tmp_path, asking):
-    done = run(tmp_path, "--output", "whole", text=LONGER)
-    assert done.returncode == 0
+def test_a_run_that_was_ended_is_resumed(longer, tmp_path, asking):
+    (tmp_path / "case.yaml").write_text(LONGER)
     process = start_run(tmp_path)
     folder = tmp_path / "runs" / "small"
     wait_for(lambda: newest_restart(folder, RESTARTS) is not None)
@@ -449,12 +497,12 @@ def test_a_run_that_was_ended_is_resumed(tmp_path, asking):
     assert resumed.returncode == 0, resumed.stderr
     assert "small: goes on at " in resumed.stderr
     assert (folder / "summary.json").exists()
-    whole, found = state_of(tmp_path / "whole"), state_of(folder)
+    found = state_of(folder)
     if asking == signal.SIGKILL:
-        assert found == whole
+        assert found == longer
     else:
         rows = [
-            np.genfromtxt(f["energy.csv"].splitlines()[1:], delimiter=",") for f in (whole, found)
+            np.genfromtxt(f["energy.csv"].splitlines()[1:], delimiter=",") for f in (longer, found)
         ]
         assert rows[1] == pytest.approx(rows[0], rel=1e-9, abs=1e-9)
     finished = run(tmp_path, "--resume", text=LONGER)
@@ -473,7 +521,7 @@ def test_a_run_is_made_longer(tmp_path):
     assert state_of(tmp_path / "run") == state_of(tmp_path / "whole")
     assert load_case(tmp_path / "run" / "case.yaml").time.duration == 0.04
     # Its own case, which stands for the whole run, goes on as well.
-    again = blast("run", "run/case.yaml", "--output", "run", "--resume", folder=tmp_path)
+    again = blast("run", "run", "--resume", "--no-figures", folder=tmp_path)
     assert again.returncode == 0, again.stderr
     shorter = run(tmp_path, "--output", "run", "--resume", text=short)
     assert shorter.returncode == 3
@@ -488,13 +536,12 @@ def test_a_run_is_made_longer(tmp_path):
         ("drag: chow", "drag: none", "medium.drag: chow in the run, none in the case"),
     ],
 )
-def test_a_run_of_another_case_is_not_resumed(tmp_path, old, new, told):
-    assert run(tmp_path).returncode == 0
-    before = tree(tmp_path / "runs")
-    done = run(tmp_path, "--resume", text=CASE.replace(old, new))
+def test_a_run_of_another_case_is_not_resumed(finished, old, new, told):
+    before = tree(finished / "runs")
+    done = run(finished, "--resume", text=CASE.replace(old, new))
     assert done.returncode == 3
     assert told in done.stderr
-    assert tree(tmp_path / "runs") == before
+    assert tree(finished / "runs") == before
 
 
 def tree(folder):
@@ -515,21 +562,20 @@ def test_particles_of_another_file_are_not_gone_on_with(tmp_path):
 
 
 @pytest.mark.parametrize("how", ["damaged", "gone"])
-def test_nothing_is_lost_where_a_run_cannot_be_resumed(tmp_path, how):
-    assert run(tmp_path).returncode == 0
+def test_nothing_is_lost_where_a_run_cannot_be_resumed(finished, how):
     for name in RESTARTS:
-        file = tmp_path / "runs" / "small" / name
+        file = finished / "runs" / "small" / name
         content = bytearray(file.read_bytes())
         content[len(content) // 2] ^= 1
         file.unlink()
         if how == "damaged":
             file.write_bytes(content)
-    before = tree(tmp_path / "runs")
-    done = run(tmp_path, "--resume")
+    before = tree(finished / "runs")
+    done = run(finished, "--resume")
     assert done.returncode == 3
     assert "cannot be gone on with" in done.stderr
     assert f"blast.2 is {how}" in done.stderr or f"blast.2 are {how}" in done.stderr
-    assert tree(tmp_path / "runs") == before
+    assert tree(finished / "runs") == before
 
 
 def test_lmp_at_work_keeps_its_files(tmp_path):
@@ -549,15 +595,18 @@ def test_lmp_at_work_keeps_its_files(tmp_path):
         assert done.returncode == 3
         assert "another run is at work in" in done.stderr
     assert (folder / "energy.csv").exists()
+    looked_at = blast("analyze", folder, "--no-figures", folder=tmp_path)
+    assert looked_at.returncode == 0, looked_at.stderr
+    assert "a run is at work in" in looked_at.stderr
     at_work.kill()
     at_work.wait()
 
 
-def test_there_must_be_a_run_to_resume(tmp_path):
-    done = run(tmp_path, "--resume")
-    assert done.returncode == 3
-    assert "there is no run folder runs/small to go on with" in done.stderr
-    assert not (tmp_path / "runs").exists()
+def test_one_command_begins_a_run_and_goes_on_with_it(tmp_path):
+    for told in (" in runs/small", "is simulated already"):
+        done = run(tmp_path, "--resume")
+        assert done.returncode == 0, done.stderr
+        assert told in done.stderr
 
 
 def test_two_runs_do_not_share_a_folder(tmp_path):
@@ -677,12 +726,11 @@ def test_first_frame_has_the_forces_of_the_state_after_the_pulse(tmp_path, integ
     assert np.abs(difference).max() < 1e-2 * np.abs(lorentz).max()
 
 
-def test_resolved_case_repeats_the_run(tmp_path):
-    assert run(tmp_path).returncode == 0
-    resolved = tmp_path / "runs" / "small" / "case.yaml"
+def test_resolved_case_repeats_the_run(small, tmp_path):
+    resolved = small / "runs" / "small" / "case.yaml"
     done = blast("run", resolved, "--no-figures", "--output", tmp_path / "again", folder=tmp_path)
     assert done.returncode == 0
-    first, again = (tmp_path / "runs" / "small", tmp_path / "again")
+    first, again = (small / "runs" / "small", tmp_path / "again")
     for name in ("in.blast", "particles.data", "energy.csv", "trajectory.lammpstrj", "case.yaml"):
         assert (first / name).read_bytes() == (again / name).read_bytes()
 

@@ -62,10 +62,10 @@ void BlastReadRestart::command(int narg, char **arg)
   read_arguments(narg, arg);
   const Chosen chosen = told_to_all(newest_whole());
   check_versions(chosen);
-  if (last_step >= 0 && chosen.notes.step() > last_step)
+  if (last_step && chosen.notes.step() > *last_step)
     error->all(FLERR,
                "{}: the run in {} has come to step {} already, beyond its new end at step {}",
-               STYLE, chosen.file, chosen.notes.step(), last_step);
+               STYLE, chosen.file, chosen.notes.step(), *last_step);
   arrange_ranks(chosen.notes);
   input->one(fmt::format("read_restart \"{}\"", chosen.file));
   restore_box(chosen.notes);
@@ -90,15 +90,18 @@ void BlastReadRestart::read_arguments(int narg, char **arg)
   if (files.empty()) utils::missing_cmd_args(FLERR, "blast_read_restart", error);
   for (; iarg < narg; iarg += 2) {
     require_arguments(lmp, STYLE, iarg, 1, narg, arg);
-    // Output must not be cut back while another run writes it.
-    if (strcmp(arg[iarg], "lock") == 0)
-      take_lock_for_fix(lmp, STYLE, arg[iarg + 1]);
-    else if (strcmp(arg[iarg], "step") == 0)
-      step = positive_argument(lmp, STYLE, "step", arg[iarg + 1]);
-    else if (strcmp(arg[iarg], "upto") == 0)
-      last_step = utils::bnumeric(FLERR, arg[iarg + 1], false, lmp);
-    else
+    const char *value = arg[iarg + 1];
+    if (strcmp(arg[iarg], "lock") == 0) {
+      // Output must not be cut back while another run writes it.
+      take_lock_for_fix(lmp, STYLE, value);
+    } else if (strcmp(arg[iarg], "step") == 0) {
+      step = positive_argument(lmp, STYLE, "step", value);
+    } else if (strcmp(arg[iarg], "upto") == 0) {
+      last_step = utils::bnumeric(FLERR, value, false, lmp);
+      if (*last_step < 0) error->all(FLERR, "{} upto must not be below zero, got {}", STYLE, value);
+    } else {
       error->all(FLERR, "Unknown blast_read_restart keyword: {}", arg[iarg]);
+    }
   }
 }
 

@@ -8,6 +8,8 @@
 
 #include "command.h"
 
+#include <optional>
+
 namespace LAMMPS_NS {
 
 class BlastReadRestart : public Command {
@@ -33,8 +35,8 @@ private:
   void cut_outputs_back(const RestartNotes &notes) const;
 
   std::vector<std::string> files;
-  double step = 0.0;     // that is expected; zero: any
-  bigint last_step = -1; // that the run is to come to; below zero: any
+  double step = 0.0;               // that is expected; zero: any
+  std::optional<bigint> last_step; // that the run is to come to
 };
 
 } // namespace LAMMPS_NS

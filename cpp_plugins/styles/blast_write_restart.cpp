@@ -2,6 +2,7 @@
 
 #include "restart_box.h"
 #include "restart_seal.h"
+#include "style_arguments.h"
 
 #include "comm.h"
 #include "domain.h"
@@ -14,8 +15,8 @@
 #include "variable.h"
 
 #include <cstdio>
-#include <cstring>
 #include <filesystem>
+#include <map>
 #include <stdexcept>
 
 using namespace LAMMPS_NS;
@@ -31,12 +32,7 @@ void BlastWriteRestart::command(int narg, char **arg)
   draw_box_in(lmp);
   // Under another name, as long as it is not whole: what the file held until then is lost last.
   const std::string unfinished = files[0] + ".unfinished";
-  const double time = update->atime;
-  const bigint time_step = update->atimestep;
   input->one(fmt::format("write_restart \"{}\"", unfinished));
-  // LAMMPS has moved its zero of time here, and the times to come would be rounded otherwise.
-  update->atime = time;
-  update->atimestep = time_step;
   if (comm->me != 0) return;
   const std::string file = older_file();
   try {
@@ -57,22 +53,24 @@ void BlastWriteRestart::read_arguments(int narg, char **arg)
   if (narg < 2) utils::missing_cmd_args(FLERR, "blast_write_restart", error);
   files[0] = arg[0];
   files[1] = arg[1];
+  std::map<std::string, std::vector<std::string> *> lists = {
+      {"outputs", &outputs}, {"logs", &logs}, {"values", &values}};
   std::vector<std::string> *list = nullptr;
   for (int iarg = 2; iarg < narg; iarg++) {
-    if (strcmp(arg[iarg], "outputs") == 0)
-      list = &outputs;
-    else if (strcmp(arg[iarg], "logs") == 0)
-      list = &logs;
-    else if (strcmp(arg[iarg], "values") == 0)
-      list = &values;
-    else if (list)
+    const auto keyword = lists.find(arg[iarg]);
+    if (keyword != lists.end()) {
+      require_arguments(lmp, STYLE, iarg, 1, narg, arg);
+      list = keyword->second;
+    } else if (list) {
       list->emplace_back(arg[iarg]);
-    else
+    } else {
       error->all(FLERR, "Unknown blast_write_restart keyword: {}", arg[iarg]);
+    }
   }
 }
 
-// The file to be replaced: one that cannot be used, else the older one.
+// The file to be replaced: one that cannot be used, or is not of the past, as after a run has gone
+// back to the one before; else the older one.
 std::string BlastWriteRestart::older_file() const
 {
   std::int64_t steps[2];
@@ -82,6 +80,7 @@ std::string BlastWriteRestart::older_file() const
     } catch (const std::runtime_error &) {
       return files[k];
     }
+    if (steps[k] >= update->ntimestep) return files[k];
   }
   return steps[0] <= steps[1] ? files[0] : files[1];
 }

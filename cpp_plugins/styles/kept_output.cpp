@@ -28,11 +28,12 @@ int descriptor_of(const std::string &name)
 {
   struct stat wanted, found;
   if (stat(name.c_str(), &wanted) != 0) return -1;
-  const int most = static_cast<int>(sysconf(_SC_OPEN_MAX));
-  for (int descriptor = 0; descriptor < most; descriptor++)
+  for (const auto &entry : files::directory_iterator("/dev/fd")) {
+    const int descriptor = std::stoi(entry.path().filename().string());
     if (fstat(descriptor, &found) == 0 && found.st_dev == wanted.st_dev &&
         found.st_ino == wanted.st_ino)
       return descriptor;
+  }
   return -1;
 }
 

@@ -13,6 +13,7 @@ commands:
   analyze  analyse a run folder or a dump        (python -m lammps_blast.analyze)
   deck     write a case's LAMMPS deck and data   (python -m lammps_blast.deck)
   doctor   look over the installation            (python -m lammps_blast.doctor)
+  lmp      LAMMPS itself, which heeds signals    (python -m lammps_blast.lammps_program)
 
 `lammps-blast COMMAND --help` tells more."""
 
@@ -29,6 +30,8 @@ def main(argv: list[str] | None = None) -> int:
         from lammps_blast.analyze import main as chosen
     elif command == "deck":
         from lammps_blast.deck import main as chosen
+    elif command == "lmp":
+        from lammps_blast.lammps_program import main as chosen
     elif command == "doctor":
         from lammps_blast.doctor import main as chosen
     else:
@@ -40,12 +43,14 @@ def main(argv: list[str] | None = None) -> int:
 def tell(text: object, stream: TextIO | None = None) -> None:
     """Print what may quote the name of a file, to standard output if nowhere else.
 
-    Where nobody reads it, it is lost, and that is no error.
+    Where that is closed, full or not read, it is lost, and that is no error.
     """
     stream = stream or sys.stdout
+    if stream is None:
+        return
     try:
         print(shown_text(str(text), stream.encoding), file=stream, flush=True)
-    except BrokenPipeError:
+    except OSError:
         send_to_nobody(stream)
 
 

@@ -20,7 +20,7 @@ from typing import Any
 from rich.console import Console
 
 from lammps_blast.deck import DECK, ENERGY_TABLE, LOG, RESTARTS
-from lammps_blast.lammps_program import mpi_library
+from lammps_blast.lammps_program import MPI_SETTINGS, mpi_library
 from lammps_blast.plugin_folder import plugin_file, require_plugin
 from lammps_blast.progress import Watched, watch
 from lammps_blast.ranks import LaunchedRanks, RankedLammps, RankError, is_of_one_rank
@@ -103,7 +103,13 @@ def run_deck(run: DeckRun, console: Console | None = None) -> None:
     except KeyboardInterrupt:
         if console is not None:
             console.print("interrupted: stopping after this step of LAMMPS", highlight=False)
-        execution.stop()  # during which another Ctrl-C leaves at once
+        try:
+            execution.stop()
+        except KeyboardInterrupt:
+            # LAMMPS is still in the folder: so is this process, to its end.
+            raise InterruptedRunError(
+                "interrupted again, before LAMMPS had stopped; to go on, give --resume"
+            ) from None
     os.chdir(before)
     if execution.failure is not None:
         raise execution.failure
@@ -197,13 +203,16 @@ class _InProcess(_Execution):
             self._lammps = start_lammps(log="none", arguments=run.variable_arguments)
             if launched:
                 launched.are_at_work = True
-                launched.tell(self._lammps, run.variables)
+                with launched.broken_by(OSError):
+                    launched.tell(self._lammps, run.variables)
             self._counter = _global_number(self._lammps, b"ntimestep", ctypes.c_int64)
             self._start_of_time = _global_number(self._lammps, b"atime", ctypes.c_double)
             if launched or not self._stop.is_set():
                 self._lammps.file(DECK)
         except EngineError as failure:
             self.failure = failure
+        except OSError as error:
+            self.failure = EngineError(f"LAMMPS cannot be told what to do: {error}")
         except Exception as error:
             if self._run.launched and is_of_one_rank(error):
                 self._run.launched.are_broken = True
@@ -258,7 +267,7 @@ class _InRanks(_Execution):
             if self._stop.is_set():
                 self._lammps.stop()
             stopped = _STOPPED.search(self._lammps.wait())
-            self._last_count = int(stopped[1]) if stopped else self._run.steps
+            self._last_count = int(stopped[1]) if stopped else self._steps_of_newest_restart()
         except RankError as failure:
             if failure.lammps_error:
                 self.lammps_error = failure.lammps_error
@@ -269,6 +278,11 @@ class _InRanks(_Execution):
         finally:
             self.ended.set()
 
+    def _steps_of_newest_restart(self) -> int:
+        """What a deck comes to that is whole: it ends with a restart file."""
+        state = newest_restart(Path(), RESTARTS)
+        return state.step if state else 0
+
 
 def _last_time(table: Path) -> float | None:
     """Return the time in the last whole row of a table that is being written; None without one."""
@@ -278,6 +292,20 @@ def _last_time(table: Path) -> float | None:
         rows = file.read().split(b"\n")[1:-1]
         return float(rows[-1].split(b",")[0]) if rows else None
     return None
+
+
+def check_engine() -> None:
+    """Make sure that LAMMPS would have the plugin.
+
+    Raises
+    ------
+    EngineError
+        If it is missing.
+    """
+    try:
+        require_plugin()
+    except OSError as error:
+        raise EngineError(f"LAMMPS cannot be loaded: {error}") from error
 
 
 def start_lammps(log: str = LOG, arguments: list[str] | None = None) -> Any:
@@ -307,6 +335,7 @@ def start_lammps(log: str = LOG, arguments: list[str] | None = None) -> Any:
 
 def _load_mpi() -> None:
     """Load MPI into this process: pip puts it where the dynamic loader does not look."""
+    os.environ.update(MPI_SETTINGS)
     library = mpi_library()
     if library is not None:
         with contextlib.suppress(OSError):

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
+from lammps_blast.input_files import regular_files_only
+
 FOLDER_LOCK = ".lock"
 # That of LAMMPS itself.
 RUN_LOCK = "restart/lock"
@@ -46,14 +48,19 @@ def require_idle(folder: Path) -> None:
     FolderError
         If there is one.
     """
-    with contextlib.suppress(FileNotFoundError), (folder / RUN_LOCK).open("r+") as file:
-        _take(file, folder)
+    try:
+        with open(folder / RUN_LOCK, "r+", opener=regular_files_only) as file:
+            _take(file, folder)
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        raise FolderError(f"cannot tell whether a run is at work in {folder}: {error}") from error
 
 
 def is_at_work(folder: Path) -> bool:
     """Tell whether LAMMPS is at work in a folder, which may be somebody else's."""
     try:
-        with (folder / RUN_LOCK).open() as file:
+        with open(folder / RUN_LOCK, opener=regular_files_only) as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 import sysconfig
 from importlib import metadata, util
 from pathlib import Path
 
+from lammps_blast.command_line import tell
 from lammps_blast.plugin_folder import plugin_folder
 
 MPI_LIBRARY = "libmpi.so.12"
+# UCX, which MPICH talks through, takes the signal of a closed terminal for its own debugging.
+MPI_SETTINGS = {"UCX_DEBUG_SIGNO": "SIGUSR2"}
 
 
 def mpi_library() -> Path | None:
@@ -49,7 +53,7 @@ def _command(name: str) -> Path | None:
 
 def program_environment() -> dict[str, str]:
     """Return this process's environment, with MPI's library and the plugin where LAMMPS looks."""
-    environment = dict(os.environ)
+    environment = os.environ | MPI_SETTINGS
 
     def prepend(variable: str, folder: str) -> None:
         before = environment.get(variable)
@@ -59,3 +63,21 @@ def program_environment() -> dict[str, str]:
         prepend("LD_LIBRARY_PATH", str(library.parent))
     prepend("LAMMPS_PLUGIN_PATH", plugin_folder())
     return environment
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Become LAMMPS itself, with the plugin: what signals ask of this process reaches it."""
+    program = find_lmp()
+    if program is None:
+        tell("there is no lmp in this environment or on the PATH", sys.stderr)
+        return 3
+    arguments = sys.argv[1:] if argv is None else argv
+    try:
+        os.execve(program, [str(program), *arguments], program_environment())
+    except OSError as error:
+        tell(f"{program} cannot be started: {error}", sys.stderr)
+        return 3
+
+
+if __name__ == "__main__":
+    sys.exit(main())

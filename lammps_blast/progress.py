@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
@@ -17,16 +18,35 @@ _POLL_SECONDS = 0.05
 _PLAIN_LINES = 10
 
 
+class _Unheeded:
+    """A stream whose writer goes on where it is closed, full or not read."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        try:
+            return self._stream.write(text)
+        except OSError:
+            send_to_nobody(self._stream)
+            return len(text)
+
+    def flush(self) -> None:
+        try:
+            self._stream.flush()
+        except OSError:
+            send_to_nobody(self._stream)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
 class ProgressConsole(Console):
-    """Standard error output, for as long as somebody reads it."""
+    """Standard error output, for as long as it can be written: what is at work goes on."""
 
     def __init__(self, *, quiet: bool = False) -> None:
-        super().__init__(stderr=True, quiet=quiet)
-
-    def on_broken_pipe(self) -> None:
-        """Fall silent: what is at work goes on."""
-        self.quiet = True
-        send_to_nobody(sys.stderr)
+        stream = _Unheeded(sys.stderr) if sys.stderr else None
+        super().__init__(file=stream, stderr=True, quiet=quiet)
 
 
 @dataclass(frozen=True)

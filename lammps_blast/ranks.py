@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -79,7 +79,7 @@ class LaunchedRanks:
         folder
             The run folder; None where there is none.
         """
-        for asking in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1):
+        for asking in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP):
             signal.signal(asking, signal.SIG_IGN)
         self._run_together(folder)
 
@@ -97,6 +97,15 @@ class LaunchedRanks:
             file.flush()
             lammps.file(file.name)
 
+    @contextlib.contextmanager
+    def broken_by(self, kind: type[Exception]) -> Iterator[None]:
+        """Know that others wait for this rank, once an exception has taken it out."""
+        try:
+            yield
+        except kind:
+            self.are_broken = True
+            raise
+
     def _leave(self, status: int, reason: Exception | None = None) -> NoReturn:
         """End this process alone: the others end when their launcher sees it fail."""
         if reason:
@@ -113,7 +122,7 @@ class LaunchedRanks:
         try:
             lammps = start_lammps(log="none")  # which waits for the first rank
         except EngineError as error:
-            self._leave(1, error if self.number > 0 else None)  # the first has told it
+            self._leave(3, error if self.number > 0 else None)  # the first has told it
         if folder and folder.is_dir():
             os.chdir(folder)
         try:

@@ -111,7 +111,7 @@ def check_room(case: Case, count: int, folder: Path, *, reclaimed: int = 0) -> N
     CaseError
         It tells how much the trajectory needs and how much there is.
     """
-    there = next(place for place in (folder, *folder.absolute().parents) if place.is_dir())
+    there = next(place for place in (folder, *folder.absolute().parents) if os.path.isdir(place))
     needed, free = output_bytes(case, count), shutil.disk_usage(there).free + reclaimed
     if needed > free:
         frames = case.timesteps // case.output_every + 1

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from lammps_blast.input_files import regular_files_only
+
 _SEAL = re.compile(
     rb"sealed by lammps-blast: ([0-9a-f]{16}) ([0-9a-f]{8})\nLammpS RestartT\0\Z", re.S
 )
@@ -52,6 +54,13 @@ class RestartNotes:
             for name, size in self.outputs.items()
         )
 
+    def is_outgrown(self, folder: Path) -> bool:
+        """Tell whether a file of the run folder has grown since, or was put aside to grow."""
+        return any(
+            _size(folder / name) > size or (folder / f"{name}.kept").exists()
+            for name, size in self.outputs.items()
+        )
+
 
 def newest_restart(folder: Path, names: Iterable[str]) -> RestartNotes | None:
     """Return the notes of the newest restart file to go on from, as :func:`look_at_restarts`."""
@@ -84,7 +93,7 @@ def look_at_restarts(folder: Path, names: Iterable[str]) -> tuple[RestartNotes |
 def read_restart_notes(file: Path) -> RestartNotes | None:
     """Return the notes of a restart file; None if there is none, or it is not what was sealed."""
     try:
-        with file.open("rb") as stream:
+        with open(file, "rb", opener=regular_files_only) as stream:
             return _notes(file, stream)
     except (OSError, OverflowError, ValueError, KeyError, IndexError):
         return None

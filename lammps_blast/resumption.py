@@ -37,11 +37,14 @@ class Resumption:
         Where it goes on; None from the beginning.
     unusable
         Why other restart files, if there are any, cannot be gone on from.
+    has_gone_further
+        Whether output files hold more than belongs to that state.
     """
 
     case: Case
-    state: RestartNotes | None
-    unusable: list[str]
+    state: RestartNotes | None = None
+    unusable: tuple[str, ...] = ()
+    has_gone_further: bool = False
 
     @property
     def steps_done(self) -> int:
@@ -50,8 +53,8 @@ class Resumption:
 
     @property
     def is_finished(self) -> bool:
-        """Whether there is nothing left to simulate."""
-        return self.steps_done == self.case.timesteps
+        """Whether there is nothing left to do for LAMMPS."""
+        return self.steps_done == self.case.timesteps and not self.has_gone_further
 
 
 def resumption(case_file: Path, folder: Path) -> Resumption:
@@ -65,7 +68,10 @@ def resumption(case_file: Path, folder: Path) -> Resumption:
         If the case is invalid, or its duration does not fit the steps of the run.
     """
     if not (folder / CASE).is_file():
-        raise ResumptionError(f"{folder} holds no run to go on with: run it without --resume")
+        raise ResumptionError(
+            f"{folder / CASE} is gone, without which a run cannot go on: put the case back, or"
+            " give another folder (--output)"
+        )
     try:
         kept = load_case(folder / CASE)
     except CaseError as error:
@@ -89,7 +95,8 @@ def resumption(case_file: Path, folder: Path) -> Resumption:
             f"the run in {folder} has come to {state.time:g} s already:"
             f" time.duration must be at least that, got {case.time.duration:g}"
         )
-    return Resumption(case, state, unusable)
+    has_gone_further = state is not None and state.is_outgrown(folder)
+    return Resumption(case, state, tuple(unusable), has_gone_further)
 
 
 def _require_nothing_to_lose(folder: Path, unusable: list[str]) -> None:
@@ -102,7 +109,8 @@ def _require_nothing_to_lose(folder: Path, unusable: list[str]) -> None:
         raise ResumptionError(
             f"the run in {folder} cannot be gone on with:\n  "
             + "\n  ".join(reasons)
-            + "\nits files are as they were; --force in place of --resume begins anew"
+            + "\nits files are as they were, to be copied or analysed; --force in place of --resume"
+            " removes them, and begins anew"
         )
 
 

@@ -3,14 +3,16 @@
 Minutes: `python -m pytest -m slow tests/test_kills.py`.
 """
 
+import json
 import os
 import random
 import signal
 import subprocess
+import sys
 import time
 
 import pytest
-from test_restart import CASES, command, deck_of, outputs, run_well
+from test_restart import CASES, CLOUD, command, deck_of, outputs, run_well
 
 from lammps_blast.deck import RESTARTS
 from lammps_blast.lammps_program import program_environment
@@ -24,14 +26,13 @@ def long_run(name):
     return {"duration": 0.5, "restart_interval": interval, "output_interval": interval}
 
 
-def kill_or_end(folder, ranks, variables, instant):
-    """Run, and go on where there is a restart file; kill all ranks at an instant (s).
+def killed(words, folder, instant):
+    """Run a program in a folder; kill it and what it has started at an instant (s).
 
-    Return whether that came before the end.
+    Return whether that came before its end.
     """
-    restart = "newest" if any((folder / name).exists() for name in RESTARTS) else "no"
     process = subprocess.Popen(
-        command(ranks, restart=restart, **variables),
+        words,
         cwd=folder,
         env=program_environment(),
         stdout=subprocess.PIPE,
@@ -49,24 +50,80 @@ def kill_or_end(folder, ranks, variables, instant):
     return False
 
 
+def kill_until(count, begin, words, usual, expected, seed):
+    """Kill runs at random instants until there are so many kills; return the number of runs.
+
+    Parameters
+    ----------
+    begin
+        Makes the folder of a run, by number.
+    words
+        The command that begins a run in a folder, or goes on with it.
+    usual
+        How long a run takes that is left alone, s.
+    expected
+        What that leaves, by the names of files.
+    """
+    instants = random.Random(seed)
+    kills = runs = 0
+    while kills < count:
+        runs += 1
+        folder = begin(runs)
+        # The longer a run is at it, the later it is killed: it must come to an end.
+        patience = usual
+        while killed(words(folder), folder, instants.uniform(0.1, 0.9) * patience):
+            kills += 1
+            patience *= 1.1
+        found = outputs(folder)
+        assert [file for file in expected if found[file] != expected[file]] == []
+    print(f"{seed}: {kills} kills in {runs} runs")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "ranks"), [(name, 1) for name in CASES] + [("free", 2), ("tree", 2), ("stock", 2)]
 )
-def test_a_run_outlives_its_kills(tmp_path, name, ranks):
-    instants = random.Random(f"{name} {ranks}")
-    whole = deck_of(tmp_path / "whole", CASES[name])
+def test_a_deck_outlives_its_kills(tmp_path, name, ranks):
     variables = long_run(name)
+
+    def words(folder):
+        restart = "newest" if any((folder / name).exists() for name in RESTARTS) else "no"
+        return command(ranks, restart=restart, **variables)
+
+    whole = deck_of(tmp_path / "whole", CASES[name])
     began = time.monotonic()
     run_well(whole, ranks=ranks, **variables)
     usual = time.monotonic() - began
+    kill_until(
+        KILLS,
+        lambda number: deck_of(tmp_path / f"killed{number}", CASES[name]),
+        words,
+        usual,
+        outputs(whole),
+        seed=f"{name} on {ranks}",
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["binary", "contact", "implicit"])
+def test_a_run_from_python_outlives_its_kills(tmp_path, name):
+    """From imports to the analysis."""
+    case = CLOUD | CASES[name]
+    case["time"] = case["time"] | {"duration": 0.5}
+    case["output"] = case["output"] | {"restart_interval": 5e-3, "interval": 5e-3}
+    (tmp_path / "case.yaml").write_text(json.dumps(case))
+
+    def begin(number):
+        (tmp_path / str(number)).mkdir()
+        return tmp_path / str(number)
+
+    def words(folder):
+        run = [sys.executable, "-m", "lammps_blast.run", "../case.yaml", "--output", "."]
+        return [*run, "--resume", "--no-figures"]
+
+    whole = begin("whole")
+    began = time.monotonic()
+    subprocess.run(words(whole), cwd=whole, check=True, capture_output=True)
+    usual = time.monotonic() - began
     expected = outputs(whole)
-    kills = attempt = 0
-    while kills < KILLS:
-        attempt += 1
-        folder = deck_of(tmp_path / f"killed{attempt}", CASES[name])
-        while kill_or_end(folder, ranks, variables, instants.uniform(0.1, 0.9) * usual):
-            kills += 1
-        found = outputs(folder)
-        assert [file for file in expected if found[file] != expected[file]] == []
-    print(f"{name} on {ranks}: {kills} kills in {attempt} runs")
+    kill_until(KILLS, begin, words, usual, expected, seed=f"{name} from Python")

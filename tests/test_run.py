@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -387,8 +388,8 @@ def test_lammps_failure_is_told_with_lammps_words_and_the_line_of_the_deck(tmp_p
     folder = tmp_path / "out"
     (folder / "trajectory.lammpstrj").mkdir(parents=True)
     code = (
-        "import lammps_blast.run as r, pathlib\n"
-        "r.prepare_folder = lambda folder, force: None\n"
+        "import lammps_blast.case_run, lammps_blast.run as r\n"
+        "lammps_blast.case_run.prepare_folder = lambda folder, force: None\n"
         "raise SystemExit(r.main(['case.yaml', '--output', 'out']))"
     )
     (tmp_path / "case.yaml").write_text(CASE)
@@ -454,13 +455,37 @@ def test_who_interrupts_again_leaves_at_once(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"case.yaml", "runs"}
 
 
-def test_a_run_goes_on_when_nobody_reads_how_far_it_is(tmp_path):
-    (tmp_path / "case.yaml").write_text(LONGER)
-    process = start_run(tmp_path)
+@pytest.mark.parametrize("output", ["unread", "full", "closed"])
+def test_a_run_goes_on_when_nobody_is_told(tmp_path, output):
+    (tmp_path / "case.yaml").write_text(CASE)
+    command = f"exec {shlex.quote(sys.executable)} -m lammps_blast.run case.yaml --no-figures"
+    to = {"unread": "", "full": ">/dev/full 2>&1", "closed": ">&- 2>&-"}[output]
+    process = subprocess.Popen(
+        ["sh", "-c", f"{command} {to}"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
     process.stderr.close()
     process.stdout.close()
     assert process.wait(timeout=60) == 0
     assert (tmp_path / "runs" / "small" / "summary.json").exists()
+
+
+def test_an_interruption_before_the_run_begins_is_told(tmp_path):
+    code = (
+        "import os, signal, threading, lammps_blast.run as r\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()\n"
+        "raise SystemExit(r.main(['case.yaml']))"
+    )
+    (tmp_path / "case.yaml").write_text(CASE)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 130
+    assert done.stderr == "interrupted before the run began\n"
+    assert not (tmp_path / "runs").exists()
 
 
 def state_of(folder):
@@ -468,7 +493,7 @@ def state_of(folder):
     return {name: (folder / name).read_bytes() for name in ("energy.csv", "trajectory.lammpstrj")}
 
 
-LONGER = CASE.replace("duration: 0.01", "duration: 3.0").replace(
+LONGER = CASE.replace("duration: 0.01", "duration: 5.0").replace(
     "interval: 0.001", "interval: 0.01"
 )
 
@@ -488,6 +513,9 @@ def test_a_run_that_was_ended_is_resumed(longer, tmp_path, asking):
     folder = tmp_path / "runs" / "small"
     wait_for(lambda: newest_restart(folder, RESTARTS) is not None)
     process.send_signal(asking)
+    if asking == signal.SIGTERM:  # batch systems and launchers tell it again
+        time.sleep(0.02)
+        process.send_signal(asking)
     process.communicate(timeout=60)
     assert process.returncode == (130 if asking == signal.SIGTERM else -signal.SIGKILL)
     again = run(tmp_path, text=LONGER)
@@ -559,6 +587,38 @@ def test_particles_of_another_file_are_not_gone_on_with(tmp_path):
     done = run(tmp_path, "--resume", text=text)
     assert done.returncode == 3
     assert "spheres.csv is not what it was when the run began" in done.stderr
+
+
+def test_results_of_a_shorter_run_do_not_pass_for_those_of_a_longer_one(finished):
+    folder = finished / "runs" / "small"
+    deck = folder / "in.blast"
+    deck.write_text(deck.read_text().replace("run ${steps}", "no_command"))
+    longer = CASE.replace("duration: 0.01", "duration: 0.02")
+    done = run(finished, "--resume", text=longer)
+    assert done.returncode == 3
+    assert "Unknown command: no_command" in done.stderr
+    assert not (folder / "summary.json").exists()
+    assert not (folder / "envelope.csv").exists()
+
+
+def test_frames_beyond_the_end_of_a_run_are_not_taken_for_its_own(small, finished):
+    """As of a run that was made longer, and killed, and is not to be longer after all."""
+    folder = finished / "runs" / "small"
+    with (folder / "trajectory.lammpstrj").open("a") as trajectory:
+        trajectory.write("ITEM: TIMESTEP\n101\n")
+    expected = state_of(small / "runs" / "small")
+    assert state_of(folder) != expected
+    done = run(finished, "--resume")
+    assert done.returncode == 0, done.stderr
+    assert state_of(folder) == expected
+
+
+def test_a_run_whose_case_is_gone_is_not_to_be_replaced(finished):
+    (finished / "runs" / "small" / "case.yaml").unlink()
+    done = run(finished, "--resume")
+    assert done.returncode == 3
+    assert "runs/small/case.yaml is gone" in done.stderr
+    assert "--force" not in done.stderr
 
 
 @pytest.mark.parametrize("how", ["damaged", "gone"])
@@ -770,6 +830,7 @@ def test_console_script_knows_its_commands(tmp_path):
         (["analyze", "out", "--no-figures"], 0),
         (["analyze", "out/trajectory.lammpstrj", "--no-figures", "-o", "results"], 0),
         (["analyze", "nowhere"], 3),
+        (["lmp", "-help"], 0),
         (["explode"], 2),
         (["--help"], 0),
     ):

@@ -32,7 +32,9 @@ void BlastWriteRestart::command(int narg, char **arg)
   draw_box_in(lmp);
   // Under another name, as long as it is not whole: what the file held until then is lost last.
   const std::string unfinished = files[0] + ".unfinished";
-  input->one(fmt::format("write_restart \"{}\"", unfinished));
+  // Without the exchange of atoms among ranks that LAMMPS would do first: histories of contacts are
+  // looked up in the present lists.
+  input->one(fmt::format("write_restart \"{}\" noinit", unfinished));
   if (comm->me != 0) return;
   const std::string file = older_file();
   try {
@@ -51,8 +53,11 @@ void BlastWriteRestart::command(int narg, char **arg)
 void BlastWriteRestart::read_arguments(int narg, char **arg)
 {
   if (narg < 2) utils::missing_cmd_args(FLERR, "blast_write_restart", error);
-  files[0] = arg[0];
-  files[1] = arg[1];
+  for (int k = 0; k < 2; k++) {
+    files[k] = arg[k];
+    if (files[k].find_first_of("*%\"") != std::string::npos)
+      error->all(FLERR, "{}: the name of a restart file has none of * % \", got {}", STYLE, arg[k]);
+  }
   std::map<std::string, std::vector<std::string> *> lists = {
       {"outputs", &outputs}, {"logs", &logs}, {"values", &values}};
   std::vector<std::string> *list = nullptr;
@@ -111,7 +116,7 @@ RestartNotes BlastWriteRestart::notes()
 
 void BlastWriteRestart::note_outputs(RestartNotes &notes) const
 {
-  if (logfile) fflush(logfile);
+  fflush(nullptr); // logs, and dumps that are not flushed at each frame
   const auto note = [&](const char *keyword, const std::vector<std::string> &names) {
     for (const auto &name : names) {
       std::error_code failure;

@@ -4,6 +4,7 @@
 #include "error.h"
 #include "lammps.h"
 
+#include <sys/stat.h>
 #include <utility>
 
 using namespace LAMMPS_NS;
@@ -12,9 +13,15 @@ namespace {
 
 // Between a command and the fix that follows it in an input, nobody else can hold what was taken.
 std::unique_ptr<FileLock> taken;
-std::string name_of_taken;
 
 } // namespace
+
+bool FileLock::is_of(const std::string &name) const
+{
+  struct stat own, other;
+  return fstat(descriptor, &own) == 0 && stat(name.c_str(), &other) == 0 &&
+         own.st_dev == other.st_dev && own.st_ino == other.st_ino;
+}
 
 void LAMMPS_NS::take_lock_for_fix(LAMMPS *lmp, const char *style, const char *name)
 {
@@ -22,7 +29,6 @@ void LAMMPS_NS::take_lock_for_fix(LAMMPS *lmp, const char *style, const char *na
   taken.reset();
   try {
     taken = std::make_unique<FileLock>(name);
-    name_of_taken = name;
   } catch (const std::runtime_error &failure) {
     lmp->error->one(FLERR, "{}: {}", style, failure.what());
   }
@@ -30,6 +36,6 @@ void LAMMPS_NS::take_lock_for_fix(LAMMPS *lmp, const char *style, const char *na
 
 std::unique_ptr<FileLock> LAMMPS_NS::lock_taken_over(const std::string &name)
 {
-  if (taken && name_of_taken == name) return std::move(taken);
+  if (taken && taken->is_of(name)) return std::move(taken);
   return std::make_unique<FileLock>(name);
 }

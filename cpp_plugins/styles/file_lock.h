@@ -36,6 +36,9 @@ public:
     if (descriptor >= 0) close(descriptor);
   }
 
+  // Whether that is the file, by whatever name it was locked.
+  bool is_of(const std::string &name) const;
+
   FileLock(const FileLock &) = delete;
   FileLock &operator=(const FileLock &) = delete;
 

@@ -12,25 +12,30 @@
 
 #include <algorithm>
 #include <atomic>
+#include <csignal>
 #include <cstring>
 #include <ctime>
 #include <stdexcept>
+#include <utility>
 
 using namespace LAMMPS_NS;
 using namespace FixConst;
 
 static constexpr char STYLE[] = "Fix blast/restart";
 
-// What asks a program to end: a batch system or `kill`, the keyboard, a batch system ahead of time.
-static constexpr int SIGNALS[] = {SIGTERM, SIGINT, SIGUSR1};
+// What asks a program to end: a batch system or `kill`, the keyboard, a batch system ahead of time,
+// a terminal that is closed.
+static constexpr int SIGNALS[] = {SIGTERM, SIGINT, SIGUSR1, SIGHUP};
 // Steps between two looks at whether any of several ranks was asked to stop.
 static constexpr int STEPS_BETWEEN_LOOKS = 10;
 
 static constexpr std::time_t SECONDS_OF_ONE_WISH = 10;
 
-// A signal can tell nobody else.
+// A signal can tell nobody else. Of the process, as signals are.
 static volatile std::sig_atomic_t signal_that_asked = 0;
 static volatile std::sig_atomic_t has_been_asked = 0;
+static int listeners = 0;
+static std::vector<std::pair<int, struct sigaction>> listened; // and what they did before
 
 // For those who have LAMMPS in their own process.
 extern "C" __attribute__((visibility("default"))) void lammps_blast_stop(int signal)
@@ -57,6 +62,8 @@ FixBlastRestart::FixBlastRestart(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, n
 
 FixBlastRestart::~FixBlastRestart()
 {
+  if (--listeners > 0) return;
+  signal_that_asked = 0;
   // A signal that is handed on late must not end the program that is about to end.
   if (has_been_asked) return;
   for (const auto &[signal, before] : listened) {
@@ -64,6 +71,7 @@ FixBlastRestart::~FixBlastRestart()
     sigaction(signal, nullptr, &present);
     if (present.sa_handler == &FixBlastRestart::ask_to_stop) sigaction(signal, &before, nullptr);
   }
+  listened.clear();
 }
 
 void FixBlastRestart::take_lock(const char *name)
@@ -79,6 +87,7 @@ void FixBlastRestart::take_lock(const char *name)
 // Where nobody else listens: a program that has LAMMPS in it may have its own way.
 void FixBlastRestart::listen()
 {
+  if (listeners++ == 0) has_been_asked = 0;
   for (const int signal : SIGNALS) {
     struct sigaction before;
     sigaction(signal, nullptr, &before);
@@ -98,7 +107,7 @@ void FixBlastRestart::ask_to_stop(int signal)
   static std::atomic<std::time_t> asked_at{0};
   struct timespec now;
   clock_gettime(CLOCK_MONOTONIC, &now);
-  if (signal_that_asked == 0) {
+  if (!has_been_asked) {
     asked_at = now.tv_sec;
   } else if (now.tv_sec - asked_at > SECONDS_OF_ONE_WISH) {
     std::signal(signal, SIG_DFL);

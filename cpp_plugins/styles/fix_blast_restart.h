@@ -8,7 +8,6 @@
 
 #include "fix.h"
 
-#include <csignal>
 #include <memory>
 #include <string>
 #include <vector>
@@ -34,11 +33,6 @@ private:
   void listen();
 
   std::unique_ptr<FileLock> lock;
-  struct Listened {
-    int signal;
-    struct sigaction before;
-  };
-  std::vector<Listened> listened;
   bool goes_on = false;               // from a restart file
   std::vector<bigint> frames_written; // the step of each dump's last frame
   std::vector<std::string> binary_dumps;

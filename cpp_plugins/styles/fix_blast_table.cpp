@@ -87,7 +87,7 @@ void FixBlastTable::end_of_step()
 
 void FixBlastTable::check_written()
 {
-  if (fflush(file) != 0)
+  if (fflush(file) != 0 || ferror(file))
     error->one(FLERR, "{} cannot write {}: {}", STYLE, name, utils::getsyserror());
 }
 

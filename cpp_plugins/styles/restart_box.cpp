@@ -2,6 +2,7 @@
 
 #include "atom.h"
 #include "domain.h"
+#include "error.h"
 #include "lammps.h"
 
 #include <algorithm>
@@ -19,6 +20,8 @@ static double margin_of(const double *low, const double *high, double largest_ra
 void LAMMPS_NS::draw_box_in(LAMMPS *lmp)
 {
   Domain *domain = lmp->domain;
+  if (domain->triclinic)
+    lmp->error->all(FLERR, "Restart files of lammps-blast are for boxes that are not triclinic");
   const Atom *atom = lmp->atom;
   double here[7], farthest[7];
   std::fill(here, here + 7, -HUGE_VAL);

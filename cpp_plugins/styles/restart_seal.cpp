@@ -10,6 +10,7 @@
 #include <memory>
 #include <sstream>
 #include <stdexcept>
+#include <sys/stat.h>
 #include <unistd.h>
 
 using namespace LAMMPS_NS;
@@ -33,6 +34,18 @@ using File = std::unique_ptr<FILE, Closer>;
 std::runtime_error failure(const std::string &what)
 {
   return std::runtime_error(what + ": " + strerror(errno));
+}
+
+// Anything else, a pipe say, might have its reader wait for ever.
+File regular_file(const std::string &path)
+{
+  const int descriptor = open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  if (descriptor < 0) throw failure("cannot be opened");
+  File file(fdopen(descriptor, "rb"));
+  struct stat status;
+  if (!file || fstat(descriptor, &status) != 0) throw failure("cannot be opened");
+  if (!S_ISREG(status.st_mode)) throw std::runtime_error("is no regular file");
+  return file;
 }
 
 struct Seal {
@@ -76,8 +89,7 @@ std::uint32_t checksum_up_to(FILE *file, std::uint64_t end)
 
 RestartNotes notes_of(const std::string &path, bool all_of_it)
 {
-  const File file(fopen(path.c_str(), "rb"));
-  if (!file) throw failure("cannot be opened");
+  const File file = regular_file(path);
   const Seal seal = seal_of(file.get());
   if (all_of_it && checksum_up_to(file.get(), seal.position) != seal.checksum)
     throw std::runtime_error("is damaged: its checksum is wrong");
@@ -176,7 +188,7 @@ void LAMMPS_NS::seal_restart_file(const std::string &path, const RestartNotes &n
   fwrite(text.data(), 1, text.size(), file.get());
   fprintf(file.get(), SEAL, begin_of_notes, checksum);
   fwrite(closing, 1, CLOSING_BYTES, file.get());
-  if (fflush(file.get()) != 0 || fsync(fileno(file.get())) != 0)
+  if (fflush(file.get()) != 0 || ferror(file.get()) || fsync(fileno(file.get())) != 0)
     throw failure("could not be written to its end");
 }
 

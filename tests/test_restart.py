@@ -223,6 +223,19 @@ def test_restart_files_change_nothing_that_depends_on_ranks(tmp_path):
     assert np.abs(tables[1] - tables[0]).max() < 1e-11 * tables[0].max()
 
 
+def test_a_run_on_two_ranks_goes_on_bit_by_bit_where_atoms_change_ranks(finished):
+    """Here they turn about the line where the ranks meet, with their histories of contacts."""
+    turning = CASES["stock"] | {
+        "blast": {"energy": 2000.0},
+        "fields": {"electric": [0.2, 2.0, 0.0], "magnetic": [0.0, 0.0, 60.0]},
+    }
+    intervals = {"ranks": 2, "restart_interval": 5e-3, "output_interval": 5e-3}
+    whole = finished(turning, **intervals)
+    parts = finished(turning, name="parts", duration=0.015, **intervals)
+    run_well(parts, restart="newest", **intervals)
+    assert outputs(parts) == outputs(whole)
+
+
 def test_a_run_that_is_done_stays_as_it_is(finished):
     folder = finished(CASES["contact"])
     expected = outputs(folder)

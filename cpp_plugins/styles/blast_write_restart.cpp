@@ -9,6 +9,8 @@
 #include "error.h"
 #include "input.h"
 #include "lammps.h"
+#include "modify.h"
+#include "neighbor.h"
 #include "output.h"
 #include "update.h"
 #include "utils.h"
@@ -30,10 +32,9 @@ void BlastWriteRestart::command(int narg, char **arg)
   const RestartNotes notes_of_now = notes();
 
   draw_box_in(lmp);
+  renew_lists();
   // Under another name, as long as it is not whole: what the file held until then is lost last.
   const std::string unfinished = files[0] + ".unfinished";
-  // Without the exchange of atoms among ranks that LAMMPS would do first: histories of contacts are
-  // looked up in the present lists.
   input->one(fmt::format("write_restart \"{}\" noinit", unfinished));
   if (comm->me != 0) return;
   const std::string file = older_file();
@@ -48,6 +49,23 @@ void BlastWriteRestart::command(int narg, char **arg)
                failure.what());
   }
   utils::logmesg(lmp, "Restart file {} written at step {}\n", file, update->ntimestep);
+}
+
+// Each rank writes the atoms, in the order, that it has in the next part of the run. LAMMPS's own
+// exchange before it writes leaves the lists of neighbours as they are, in which fixes look up the
+// histories of contacts.
+void BlastWriteRestart::renew_lists()
+{
+  lmp->init();
+  domain->pbc();
+  domain->reset_box();
+  comm->setup();
+  if (neighbor->style) neighbor->setup_bins();
+  comm->exchange();
+  comm->borders();
+  modify->setup_pre_neighbor();
+  neighbor->build(1);
+  modify->setup_post_neighbor();
 }
 
 void BlastWriteRestart::read_arguments(int narg, char **arg)

@@ -20,6 +20,7 @@ public:
 
 private:
   void read_arguments(int narg, char **arg);
+  void renew_lists();
   std::string older_file() const;
   RestartNotes notes();
   void note_outputs(RestartNotes &notes) const;

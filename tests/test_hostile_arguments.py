@@ -122,7 +122,9 @@ WORDS += [
     "signs",
     "i_none",
 ]
-WORDS += ["é", "x" * 300, "&", "#", '"', "${none}", "$(1/0)", "\\"]
+# No single quotation mark: it never reaches a style, and LAMMPS 22Jul2025 words its complaint from
+# memory that it has given back.
+WORDS += ["é", "x" * 300, "&", "#", '""', "${none}", "$(1/0)", "\\"]
 
 
 def serve():

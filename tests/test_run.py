@@ -493,8 +493,8 @@ def state_of(folder):
     return {name: (folder / name).read_bytes() for name in ("energy.csv", "trajectory.lammpstrj")}
 
 
-LONGER = CASE.replace("duration: 0.01", "duration: 5.0").replace(
-    "interval: 0.001", "interval: 0.01"
+LONGER = CASE.replace("duration: 0.01", "duration: 50.0").replace(
+    "interval: 0.001", "interval: 0.1"
 )
 
 

@@ -10,6 +10,7 @@ import argparse
 import csv
 import json
 import math
+import os
 import re
 import sys
 import warnings
@@ -51,6 +52,7 @@ from lammps_blast.input_files import NUMBER, mapped
 from lammps_blast.neighbours import pair_blocks
 from lammps_blast.pair_histories import FEW_PARTICLES, PairHistories
 from lammps_blast.relaxation import RelaxationReport
+from lammps_blast.resource_limits import nearest_folder
 from lammps_blast.spheroid import SpheroidTheory
 from lammps_blast.step_history import StepHistory
 from lammps_blast.stock_contacts import energy_reserve
@@ -652,13 +654,14 @@ def main(argv: list[str] | None = None) -> int:
     if options.axis is not None and not any(options.axis):
         parser.error("--axis needs a direction, not 0 0 0")
     try:
+        folder = options.output or _result_folder(options.path)
+        _refuse_unwritable(folder)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
             analyses = analyze(options.path, options.axis, options.timestep)
         _print_warnings(caught)
         if is_at_work(options.path):
             tell(f"warning: a run is at work in {options.path}: this is how far it is", sys.stderr)
-        folder = options.output or _result_folder(options.path)
         folder.mkdir(parents=True, exist_ok=True)
         summary = write_results(
             analyses,
@@ -682,6 +685,11 @@ def main(argv: list[str] | None = None) -> int:
 def _print_warnings(caught: Sequence[warnings.WarningMessage]) -> None:
     for text in dict.fromkeys(str(warning.message) for warning in caught):
         tell(f"warning: {text}", sys.stderr)
+
+
+def _refuse_unwritable(folder: Path) -> None:
+    if not os.access(nearest_folder(folder), os.W_OK | os.X_OK):
+        raise AnalysisError(f"results cannot be written to {folder}: give a folder with --output")
 
 
 def _result_folder(path: Path) -> Path:

@@ -111,8 +111,8 @@ def check_room(case: Case, count: int, folder: Path, *, reclaimed: int = 0) -> N
     CaseError
         It tells how much the trajectory needs and how much there is.
     """
-    there = next(place for place in (folder, *folder.absolute().parents) if os.path.isdir(place))
-    needed, free = output_bytes(case, count), shutil.disk_usage(there).free + reclaimed
+    needed = output_bytes(case, count)
+    free = shutil.disk_usage(nearest_folder(folder)).free + reclaimed
     if needed > free:
         frames = case.timesteps // case.output_every + 1
         raise CaseError(
@@ -120,6 +120,11 @@ def check_room(case: Case, count: int, folder: Path, *, reclaimed: int = 0) -> N
             f"{_amount(needed)}, and {_amount(free)} are free where they are written; take a "
             "longer interval, `output.format: binary`, or another folder (--output)"
         )
+
+
+def nearest_folder(folder: Path) -> Path:
+    """Return a folder if there is one, else the lowest above it that there is."""
+    return next(place for place in (folder, *folder.absolute().parents) if os.path.isdir(place))
 
 
 def _amount(size: int) -> str:

@@ -136,3 +136,22 @@ def ranks_at_work(folder):
         except OSError:
             continue
     return found
+
+
+def mount(folder, options):
+    subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], check=True, capture_output=True
+    )
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Yield a folder that is a disk of 6 MiB of its own."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    try:
+        mount(folder, "size=6m")
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("only the superuser may mount a disk")
+    yield folder
+    subprocess.run(["umount", "--lazy", folder], check=True)

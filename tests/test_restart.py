@@ -9,7 +9,7 @@ import zlib
 
 import numpy as np
 import pytest
-from conftest import ranks_at_work
+from conftest import mount, ranks_at_work
 
 from lammps_blast.case import parse_case
 from lammps_blast.deck import RESTARTS, write_deck
@@ -443,25 +443,6 @@ def test_a_file_that_grows_too_large_stops_a_run_that_goes_on_when_it_may(finish
     assert "File too large" in done.said
     run_well(folder, restart="newest", **LONG)
     assert outputs(folder) == expected
-
-
-def mount(folder, options):
-    subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], check=True, capture_output=True
-    )
-
-
-@pytest.fixture
-def small_disk(tmp_path):
-    """Yield a folder that is a disk of 6 MiB of its own."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    try:
-        mount(folder, "size=6m")
-    except (OSError, subprocess.CalledProcessError):
-        pytest.skip("only the superuser may mount a disk")
-    yield folder
-    subprocess.run(["umount", "--lazy", folder], check=True)
 
 
 def test_a_full_disk_stops_a_run_that_goes_on_when_there_is_room(finished, small_disk):

@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 import pytest
-from conftest import PROGRAMS, blast, lmp, ranks_at_work
+from conftest import PROGRAMS, blast, lmp, mount, ranks_at_work
 
 from lammps_blast.analysis import EnergyLedger
 from lammps_blast.case import load_case
@@ -381,6 +381,33 @@ def test_folder_that_cannot_be_written(tmp_path):
     assert done.returncode == 3
     assert "in_the_way" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_folder_that_may_only_be_read(small, small_disk, tmp_path):
+    shutil.copytree(small, small_disk, dirs_exist_ok=True)
+    mount(small_disk, "remount,ro")
+    for command in (
+        "run case.yaml --output new",
+        "run case.yaml --force",
+        "run case.yaml --resume",
+        "run case.yaml --ranks 2 --output new",
+        "deck case.yaml --output new",
+        "analyze runs/small",
+    ):
+        done = blast(*command.split(), folder=small_disk)
+        assert done.returncode == 3, command
+        cure = "give a folder with --output" if "analyze" in command else "Read-only file system"
+        assert cure in done.stderr
+        assert done.stderr.count("\n") == 1
+    folder = small_disk / "runs" / "small"
+    for restart in ("no", "newest"):
+        done = lmp("-in", "in.blast", "-log", "none", "-var", "restart", restart, folder=folder)
+        assert done.returncode != 0
+        assert "Read-only file system" in done.stdout
+    done = blast("analyze", folder, "--no-figures", "--output", "results", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    table = "envelope.csv"
+    assert (tmp_path / "results" / table).read_bytes() == (folder / table).read_bytes()
 
 
 def test_lammps_failure_is_told_with_lammps_words_and_the_line_of_the_deck(tmp_path):

@@ -29,8 +29,8 @@ private:
   void measure_drift();
   bool all_move_well() const;
   bool move_well(int first, int end) const;
-  [[noreturn]] void stop_at_motion(int i) const;
-  [[noreturn]] void stop_at_no_number(int i) const;
+  void stop_at_motion(int i) const;
+  void stop_at_no_number(int i) const;
   void check_forces() const;
   void check_overlap();
   std::pair<tagint, tagint> swallowed_pair() const;

@@ -84,7 +84,7 @@ private:
   void set_clock(double step, double time);
   void displace_clock();
   void restore_clock();
-  [[noreturn]] void stop(double step, const std::string &why) const;
+  void stop(double step, const std::string &why) const;
 
   ExternalFields fields;
   blast::StepControl control;

@@ -152,7 +152,7 @@ private:
   void tally(const Contact &, const ContactLaw &);
   double contact_energy(const Contact &, const ContactLaw &) const;
   double bond_energy(const Contact &, const ContactLaw &) const;
-  [[noreturn]] void stop_at_coincidence(int i, int j);
+  void stop_at_coincidence(int i, int j);
 
   bool rotation = false;
   bool keeps_contacts = false;

@@ -46,8 +46,8 @@ private:
   void tally_all_pairs();
   void tally_pair_by_pair();
   void report_approximation();
-  [[noreturn]] void stop_at_coincidence(tagint first, tagint second);
-  [[noreturn]] void find_coincidence();
+  void stop_at_coincidence(tagint first, tagint second);
+  void find_coincidence();
 
   bool all_pairs = false;
   double cutoff = 0.0, switch_width = 0.0;

@@ -493,7 +493,7 @@ def test_ranks_of_the_shipped_deck_agree(runs, tmp_path):
         # Contacts make neighbouring paths part: rounding grows with time.
         ("contact_blast", 0.05, 0.01, (2,), 1e-9),
         ("adaptive_contact_blast", 0.05, 0.01, (2,), 1e-8),
-        ("near_field_all_pairs", 0.001, 0.0002, (2, 3), 1e-11),
+        ("near_field_all_pairs", 0.0006, 0.00012, (2, 3), 1e-11),
     ],
 )
 def test_ranks_of_interacting_particles_agree(

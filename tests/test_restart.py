@@ -9,7 +9,7 @@ import zlib
 
 import numpy as np
 import pytest
-from conftest import mount, ranks_at_work
+from conftest import lmp, mount, ranks_at_work
 
 from lammps_blast.case import parse_case
 from lammps_blast.deck import RESTARTS, write_deck
@@ -234,6 +234,45 @@ def test_a_run_on_two_ranks_goes_on_bit_by_bit_where_atoms_change_ranks(finished
     parts = finished(turning, name="parts", duration=0.015, **intervals)
     run_well(parts, restart="newest", **intervals)
     assert outputs(parts) == outputs(whole)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_file_written_between_runs_leaves_histories_alone(tmp_path, ranks):
+    """LAMMPS keeps those of contacts in lists of neighbours, which are renewed for the file."""
+    tables = []
+    for number, command in enumerate(("", "blast_write_restart state.1 state.2\n")):
+        folder = deck_of(tmp_path / str(number), CASES["stock"])
+        deck = (folder / "in.blast").read_text()
+        before, _, _ = deck.partition("# Two files in turn")
+        (folder / "in.blast").write_text(before + "".join(f"run 50\n{command}" for _ in range(6)))
+        run_well(folder, ranks=ranks, output_interval=1e-3)
+        tables.append(np.genfromtxt(folder / "energy.csv", delimiter=",")[1:])
+    assert len(tables[0]) > 20
+    assert np.abs(tables[1] - tables[0]).max() < 1e-11 * tables[0].max()
+
+
+@pytest.mark.parametrize("atoms", ["", "create_atoms 1 single 0 0 0\ncreate_atoms 1 single 0 0 1"])
+def test_a_file_is_written_before_any_run(tmp_path, atoms):
+    (tmp_path / "in").write_text(
+        f"""
+        units si
+        atom_style sphere
+        boundary s s s
+        neighbor 0.1 nsq
+        comm_modify vel yes
+        region ball sphere 0 0 0 2
+        create_box 1 ball
+        {atoms}
+        pair_style granular
+        pair_coeff * * hooke 1e5 0.0 tangential linear_history 1e4 0.0 0.4
+        fix move all nve/sphere
+        blast_write_restart state.1 state.2
+        run 1
+        """
+    )
+    done = lmp("-in", "in", "-log", "none", folder=tmp_path)
+    assert done.returncode == 0, done.stdout
+    assert read_restart_notes(tmp_path / "state.1").step == 0
 
 
 def test_a_run_that_is_done_stays_as_it_is(finished):

@@ -20,6 +20,7 @@
 #include <filesystem>
 #include <map>
 #include <stdexcept>
+#include <utility>
 
 using namespace LAMMPS_NS;
 
@@ -63,9 +64,12 @@ void BlastWriteRestart::renew_lists()
   if (neighbor->style) neighbor->setup_bins();
   comm->exchange();
   comm->borders();
+  // Modify calls fixes only for those who run.
+  const int caller = std::exchange(update->whichflag, 1);
   modify->setup_pre_neighbor();
   neighbor->build(1);
   modify->setup_post_neighbor();
+  update->whichflag = caller;
 }
 
 void BlastWriteRestart::read_arguments(int narg, char **arg)

@@ -33,6 +33,7 @@ void LAMMPS_NS::draw_box_in(LAMMPS *lmp)
     if (atom->radius_flag) here[6] = std::max(here[6], atom->radius[i]);
   }
   MPI_Allreduce(here, farthest, 7, MPI_DOUBLE, MPI_MAX, lmp->world);
+  if (farthest[0] == -HUGE_VAL) return; // nothing to draw it in to
   const double low[] = {-farthest[0], -farthest[1], -farthest[2]}, *high = farthest + 3;
   const double margin = margin_of(low, high, farthest[6]);
 

@@ -256,8 +256,11 @@ def _settings(case: Case) -> str:
         settings |= {"max_step": case.time.longest_step, "first_step": _scheme(case).first_step}
         settings |= {"tolerance": _scheme(case).tolerance}
     lines = [f"variable {name} index {number(value)}" for name, value in settings.items()]
-    lines.append("variable restart index no")
     lines += [
+        "variable restart index no",
+        'if "(${restart} != no) && (${restart} != newest)" then &',
+        "  \"print 'ERROR: restart is no, or newest, but not ${restart}'\" &",
+        '  "quit 1"',
         "variable steps equal round(v_duration/v_step)",
         "variable output_every equal round(v_output_interval/v_step)",
         "variable restart_every equal round(v_restart_interval/v_step)",

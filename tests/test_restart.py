@@ -282,6 +282,15 @@ def test_a_run_that_is_done_stays_as_it_is(finished):
     assert outputs(folder) == expected
 
 
+def test_a_misspelt_word_begins_no_run_and_goes_on_with_none(finished):
+    folder = finished()
+    expected = outputs(folder)
+    done = run(folder, restart="Newest", duration=0.1)
+    assert done.returncode == 1
+    assert "ERROR: restart is no, or newest, but not Newest" in done.said
+    assert outputs(folder) == expected
+
+
 def spoil(file, how):
     content = bytearray(file.read_bytes())
     if how == "pipe":

@@ -36,7 +36,7 @@ from lammps_blast.analysis import (
 )
 from lammps_blast.case import Case, CaseError, Contact, load_case
 from lammps_blast.clumps import CLUMP_NUMBERS, Clumps, PairDistances
-from lammps_blast.command_line import tell
+from lammps_blast.command_line import DONE, FAILED, INVALID, tell
 from lammps_blast.contacts import CONTACT_NUMBERS, ContactFrames, Contacts
 from lammps_blast.deck import (
     CASE,
@@ -670,16 +670,16 @@ def main(argv: list[str] | None = None) -> int:
         )
     except CaseError as error:
         tell(error, sys.stderr)
-        return 2
+        return INVALID
     except (TrajectoryError, AnalysisError, OSError) as error:
         tell(f"cannot analyse: {error}", sys.stderr)
-        return 3
+        return FAILED
     except MemoryError:
         tell("cannot analyse: a frame needs more memory than there is", sys.stderr)
-        return 3
+        return FAILED
     tell(report(summary))
     tell(f"  results in {folder}")
-    return 0
+    return DONE
 
 
 def _print_warnings(caught: Sequence[warnings.WarningMessage]) -> None:

@@ -15,7 +15,15 @@ from rich.console import Console
 
 from lammps_blast.case import Case, CaseError, PackedParticles, ParticlesFromFile, load_case
 from lammps_blast.case_warnings import case_warnings, check_near_field, remarks
-from lammps_blast.command_line import shown_text, tell
+from lammps_blast.command_line import (
+    DONE,
+    FAILED,
+    INTERRUPTED,
+    INVALID,
+    OUT_OF_MEMORY,
+    shown_text,
+    tell,
+)
 from lammps_blast.deck import (
     BINARY_CONSTANTS,
     CASE,
@@ -49,14 +57,12 @@ from lammps_blast.ranks import LaunchedRanks
 from lammps_blast.resource_limits import BYTES_TO_RUN, check_room, memory_shortage
 from lammps_blast.resumption import Resumption, ResumptionError, prepare_resumption, resumption
 
-DONE, INVALID, FAILED, INTERRUPTED = 0, 2, 3, 130
-
 
 def follow(options: argparse.Namespace, launched: LaunchedRanks) -> int:
     """Do what the first rank bids, as another rank; return the exit status."""
     folder = None
     with contextlib.suppress(CaseError):  # the first rank tells it
-        folder = options.output or Path("runs") / load_case(options.case).name
+        folder = run_folder(options, load_case(options.case))
     launched.follow(folder)
     return DONE
 
@@ -87,7 +93,7 @@ def _told(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
         tell(error, sys.stderr)
         return FAILED
     except MemoryError:
-        tell("the memory is used up: take fewer particles, or a larger machine", sys.stderr)
+        tell(OUT_OF_MEMORY, sys.stderr)
         return FAILED
     except KeyboardInterrupt:
         tell("interrupted before the run began", sys.stderr)
@@ -115,7 +121,7 @@ def run_case(
     if launched and options.ranks > 1:
         raise FolderError("--ranks starts ranks of its own: it does not go with mpiexec")
     case = load_case(options.case)
-    folder = options.output or Path("runs") / case.name
+    folder = run_folder(options, case)
     goes_on = options.resume and bool(files_of_a_run(folder))
     if folder.resolve() in input_folders(case) and not goes_on:
         raise FolderError(f"{folder} holds an input of the case: give another folder (--output)")
@@ -231,6 +237,11 @@ def _import_ahead(figures: bool) -> None:
 
         if figures:
             import lammps_blast.figures  # noqa: F401
+
+
+def run_folder(options: argparse.Namespace, case: Case) -> Path:
+    """Return the folder that a command line names for the run of a case, or the usual one."""
+    return options.output or Path("runs") / case.name
 
 
 def input_folders(case: Case) -> set[Path]:

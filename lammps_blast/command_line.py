@@ -17,6 +17,10 @@ commands:
 
 `lammps-blast COMMAND --help` tells more."""
 
+# Exit statuses.
+DONE, INVALID, FAILED, INTERRUPTED = 0, 2, 3, 130
+OUT_OF_MEMORY = "the memory is used up: take fewer particles, or a larger machine"
+
 
 def main(argv: list[str] | None = None) -> int:
     """Hand the arguments after the command's name to that command; return its exit status."""

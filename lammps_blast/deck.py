@@ -24,7 +24,7 @@ from lammps_blast.case import (
     load_case,
 )
 from lammps_blast.case_warnings import case_warnings, check_near_field, remarks
-from lammps_blast.command_line import tell
+from lammps_blast.command_line import DONE, FAILED, INVALID, OUT_OF_MEMORY, tell
 from lammps_blast.folder_lock import RUN_LOCK, FolderError, require_idle
 from lammps_blast.pair_commands import (
     CONTACT_STYLE,
@@ -672,7 +672,7 @@ def main(argv: list[str] | None = None) -> int:
         check_near_field(case, particles)
     except CaseError as error:
         tell(error, sys.stderr)
-        return 2
+        return INVALID
     except MemoryError:
         return _out_of_memory()
     folder = options.output or case.folder
@@ -684,10 +684,10 @@ def main(argv: list[str] | None = None) -> int:
             write_resolved_case(case, folder)
     except FolderError as error:
         tell(error, sys.stderr)
-        return 3
+        return FAILED
     except OSError as error:
         tell(f"cannot write the deck: {error}", sys.stderr)
-        return 3
+        return FAILED
     except MemoryError:
         return _out_of_memory()
     for remark in remarks(case, particles):
@@ -695,7 +695,7 @@ def main(argv: list[str] | None = None) -> int:
     for warning in case_warnings(case, particles):
         tell(f"WARNING: {warning}", sys.stderr)
     tell(f"{folder / DECK}: {size_of(case, particles)}")
-    return 0
+    return DONE
 
 
 def _make_way(case: Case, particles: Particles, folder: Path, *, force: bool) -> None:
@@ -717,8 +717,8 @@ def _make_way(case: Case, particles: Particles, folder: Path, *, force: bool) ->
 
 
 def _out_of_memory() -> int:
-    tell("the memory is used up: take fewer particles, or a larger machine", sys.stderr)
-    return 3
+    tell(OUT_OF_MEMORY, sys.stderr)
+    return FAILED
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import sysconfig
 from importlib import metadata, util
 from pathlib import Path
 
-from lammps_blast.command_line import tell
+from lammps_blast.command_line import FAILED, tell
 from lammps_blast.plugin_folder import plugin_folder
 
 MPI_LIBRARY = "libmpi.so.12"
@@ -70,13 +70,13 @@ def main(argv: list[str] | None = None) -> int:
     program = find_lmp()
     if program is None:
         tell("there is no lmp in this environment or on the PATH", sys.stderr)
-        return 3
+        return FAILED
     arguments = sys.argv[1:] if argv is None else argv
     try:
         os.execve(program, [str(program), *arguments], program_environment())
     except OSError as error:
         tell(f"{program} cannot be started: {error}", sys.stderr)
-        return 3
+        return FAILED
 
 
 if __name__ == "__main__":

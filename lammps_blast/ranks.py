@@ -20,7 +20,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
+from lammps_blast.command_line import FAILED
 from lammps_blast.lammps_program import find_lmp, find_mpiexec, program_environment
+
+# What asks a run to end: the keyboard, a batch system at its time or ahead of it, a terminal that
+# is closed.
+ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP)
 
 _KEPT_LINES = 200
 # What MPICH, Open MPI and their kin tell the processes that they start: number, and number of all.
@@ -79,7 +84,7 @@ class LaunchedRanks:
         folder
             The run folder; None where there is none.
         """
-        for asking in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP):
+        for asking in ASKING:
             signal.signal(asking, signal.SIG_IGN)
         self._run_together(folder)
 
@@ -122,7 +127,7 @@ class LaunchedRanks:
         try:
             lammps = start_lammps(log="none")  # which waits for the first rank
         except EngineError as error:
-            self._leave(3, error if self.number > 0 else None)  # the first has told it
+            self._leave(FAILED, error if self.number > 0 else None)  # the first has told it
         if folder and folder.is_dir():
             os.chdir(folder)
         try:

@@ -15,13 +15,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from lammps_blast.command_line import tell
-from lammps_blast.ranks import LaunchedRanks
+from lammps_blast.command_line import INTERRUPTED, tell
+from lammps_blast.ranks import ASKING, LaunchedRanks
 
-INTERRUPTED = 130
-# What asks a run to end: the keyboard, a batch system at its time or ahead of it, a terminal that
-# is closed.
-ASKING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGHUP)
 # Launchers and batch systems tell all processes, and these each other: the same wish, told again.
 # Who presses Ctrl-C again means it.
 SECONDS_OF_ONE_WISH, SECONDS_OF_ONE_KEY = 10.0, 0.3

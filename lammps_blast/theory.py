@@ -1126,7 +1126,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     # Imported here: the closed forms above are of use without case files.
     from lammps_blast.case import CaseError, load_case
-    from lammps_blast.command_line import tell
+    from lammps_blast.command_line import DONE, INVALID, tell
     from lammps_blast.derived_numbers import derive_numbers
 
     parser = argparse.ArgumentParser(
@@ -1140,12 +1140,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         numbers = derive_numbers(load_case(arguments.case))
     except CaseError as error:
         tell(error, sys.stderr)
-        return 2
+        return INVALID
     if arguments.json:
         print(numbers.to_json())
     else:
         numbers.print_table()
-    return 0
+    return DONE
 
 
 if __name__ == "__main__":

@@ -139,6 +139,7 @@ def ranks_at_work(folder):
 
 
 def mount(folder, options):
+    """Mount a disk in memory on a folder, or change how it is mounted."""
     subprocess.run(
         ["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], check=True, capture_output=True
     )

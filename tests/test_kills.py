@@ -12,7 +12,7 @@ import sys
 import time
 
 import pytest
-from test_restart import CASES, CLOUD, command, deck_of, outputs, run_well
+from test_restart import CASES, CLOUD, command, deck_of, outputs
 
 from lammps_blast.deck import RESTARTS
 from lammps_blast.lammps_program import program_environment
@@ -26,8 +26,8 @@ def long_run(name):
     return {"duration": 0.5, "restart_interval": interval, "output_interval": interval}
 
 
-def killed(words, folder, instant):
-    """Run a program in a folder; kill it and what it has started at an instant (s).
+def killed(words, folder, instant=None):
+    """Run a program in a folder; kill it and what it has started at an instant (s), if given.
 
     Return whether that came before its end.
     """
@@ -50,32 +50,33 @@ def killed(words, folder, instant):
     return False
 
 
-def kill_until(count, begin, words, usual, expected, seed):
-    """Kill runs at random instants until there are so many kills; return the number of runs.
+def kill_again_and_again(begin, words, seed):
+    """Kill runs at random instants; they must leave what one leaves that is left alone.
 
     Parameters
     ----------
     begin
-        Makes the folder of a run, by number.
+        Makes the folder of a run, by its name.
     words
         The command that begins a run in a folder, or goes on with it.
-    usual
-        How long a run takes that is left alone, s; less if one turns out to be quicker.
-    expected
-        What that leaves, by the names of files.
     """
+    whole = begin("whole")
+    began = time.monotonic()
+    assert not killed(words(whole), whole)
+    usual = time.monotonic() - began
+    expected = outputs(whole)
     instants = random.Random(seed)
     kills = runs = 0
-    while kills < count:
+    while kills < KILLS:
         runs += 1
-        folder = begin(runs)
+        folder = begin(f"killed{runs}")
         # The longer a run is at it, the later it is killed: it must come to an end.
         patience = usual
         began = time.monotonic()
         while killed(words(folder), folder, instants.uniform(0.1, 0.9) * patience):
             kills += 1
             patience *= 1.1
-        usual = min(usual, time.monotonic() - began)
+        usual = min(usual, time.monotonic() - began)  # the first may have had a busy machine
         found = outputs(folder)
         assert [file for file in expected if found[file] != expected[file]] == []
     print(f"{seed}: {kills} kills in {runs} runs")
@@ -92,18 +93,10 @@ def test_a_deck_outlives_its_kills(tmp_path, name, ranks):
         restart = "newest" if any((folder / name).exists() for name in RESTARTS) else "no"
         return command(ranks, restart=restart, **variables)
 
-    whole = deck_of(tmp_path / "whole", CASES[name])
-    began = time.monotonic()
-    run_well(whole, ranks=ranks, **variables)
-    usual = time.monotonic() - began
-    kill_until(
-        KILLS,
-        lambda number: deck_of(tmp_path / f"killed{number}", CASES[name]),
-        words,
-        usual,
-        outputs(whole),
-        seed=f"{name} on {ranks}",
-    )
+    def begin(folder):
+        return deck_of(tmp_path / folder, CASES[name])
+
+    kill_again_and_again(begin, words, seed=f"{name} on {ranks}")
 
 
 @pytest.mark.slow
@@ -115,17 +108,12 @@ def test_a_run_from_python_outlives_its_kills(tmp_path, name):
     case["output"] = case["output"] | {"restart_interval": 5e-3, "interval": 5e-3}
     (tmp_path / "case.yaml").write_text(json.dumps(case))
 
-    def begin(number):
-        (tmp_path / str(number)).mkdir()
-        return tmp_path / str(number)
+    def begin(folder):
+        (tmp_path / folder).mkdir()
+        return tmp_path / folder
 
     def words(folder):
         run = [sys.executable, "-m", "lammps_blast.run", "../case.yaml", "--output", "."]
         return [*run, "--resume", "--no-figures"]
 
-    whole = begin("whole")
-    began = time.monotonic()
-    subprocess.run(words(whole), cwd=whole, check=True, capture_output=True)
-    usual = time.monotonic() - began
-    expected = outputs(whole)
-    kill_until(KILLS, begin, words, usual, expected, seed=f"{name} from Python")
+    kill_again_and_again(begin, words, seed=f"{name} from Python")

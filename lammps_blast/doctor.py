@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from lammps_blast.command_line import INTERRUPTED
 from lammps_blast.examination import Outcome, run_side_by_side
 from lammps_blast.plugin_folder import PLUGIN_FILE, plugin_folder
 
@@ -700,7 +701,7 @@ def main(argv: list[str] | None = None) -> int:
         findings = diagnose(examine(options.time_limit))
         show(findings)
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
     except Exception as error:  # a doctor has no tracebacks
         print(f"the doctor failed: {type(error).__name__}: {error}", file=sys.stderr)
         return 1

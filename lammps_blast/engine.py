@@ -6,6 +6,7 @@ the step counter, stops cleanly on Ctrl-C, and turns a failure into one readable
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import ctypes
 import os
@@ -19,6 +20,7 @@ from typing import Any
 
 from rich.console import Console
 
+from lammps_blast.command_line import INTERRUPTED, leave_at_once
 from lammps_blast.deck import DECK, ENERGY_TABLE, LOG, RESTARTS
 from lammps_blast.lammps_program import MPI_SETTINGS, mpi_library
 from lammps_blast.plugin_folder import plugin_file, require_plugin
@@ -97,6 +99,7 @@ def run_deck(run: DeckRun, console: Console | None = None) -> None:
     execution: _Execution = _InRanks(run) if run.ranks > 1 else _InProcess(run)
     before = Path.cwd()
     os.chdir(run.folder)  # the deck names its files relative to it
+    atexit.register(execution.leave_if_at_work)
     threading.Thread(target=execution.execute, name="LAMMPS", daemon=True).start()
     try:
         watch(execution.watched, console)
@@ -110,6 +113,7 @@ def run_deck(run: DeckRun, console: Console | None = None) -> None:
             raise InterruptedRunError(
                 "interrupted again, before LAMMPS had stopped; to go on, give --resume"
             ) from None
+    atexit.unregister(execution.leave_if_at_work)
     os.chdir(before)
     if execution.failure is not None:
         raise execution.failure
@@ -157,6 +161,14 @@ class _Execution(ABC):
     @abstractmethod
     def steps_done(self) -> int:
         """Steps of LAMMPS that are over."""
+
+    def leave_if_at_work(self) -> None:
+        """End this process, which is about to end, with LAMMPS in it, if that is still at work.
+
+        A usual end would take from LAMMPS what it works with, and so be a crash.
+        """
+        if not self.ended.is_set():
+            leave_at_once(INTERRUPTED)
 
     @abstractmethod
     def execute(self) -> None:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
-from lammps_blast.command_line import FAILED
+from lammps_blast.command_line import FAILED, leave_at_once, tell
 from lammps_blast.lammps_program import find_lmp, find_mpiexec, program_environment
 
 # What asks a run to end: the keyboard, a batch system at its time or ahead of it, a terminal that
@@ -114,10 +114,8 @@ class LaunchedRanks:
     def _leave(self, status: int, reason: Exception | None = None) -> NoReturn:
         """End this process alone: the others end when their launcher sees it fail."""
         if reason:
-            print(reason, file=sys.stderr)
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(status)
+            tell(reason, sys.stderr)
+        leave_at_once(status)
 
     def _run_together(self, folder: Path | None = None) -> None:
         """Run what the first rank reads: here nothing, there variables and a deck."""

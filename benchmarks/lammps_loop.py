@@ -14,7 +14,7 @@ import numpy as np
 
 from lammps_blast.case import Case
 from lammps_blast.deck import system_commands, write_particle_data
-from lammps_blast.engine import start_lammps
+from lammps_blast.engine import close_lammps, start_lammps
 from lammps_blast.particles import Particles
 
 
@@ -97,7 +97,7 @@ thermo 0
             lammps.commands_string(deck(data))
             yield lammps
         finally:
-            lammps.close()
+            close_lammps(lammps)
 
 
 def loop_seconds(log: str) -> float:

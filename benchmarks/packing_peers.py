@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lammps_blast.engine import start_lammps
+from lammps_blast.engine import close_lammps, start_lammps
 
 MOST_TRIES = 100_000  # for one sphere
 
@@ -100,7 +100,7 @@ create_box 1 box""")
             if lammps.get_natoms() != count:
                 raise RuntimeError(f"LAMMPS placed {lammps.get_natoms()} of {count} spheres")
         finally:
-            lammps.close()
+            close_lammps(lammps)
         return elapsed
 
     return seconds

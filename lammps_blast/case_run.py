@@ -7,7 +7,7 @@ import contextlib
 import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,6 +43,7 @@ from lammps_blast.deck import (
     write_resolved_case,
 )
 from lammps_blast.engine import (
+    INTERRUPTED_AFTERWARDS,
     DeckRun,
     EngineError,
     InterruptedRunError,
@@ -67,22 +68,29 @@ def follow(options: argparse.Namespace, launched: LaunchedRanks) -> int:
     return DONE
 
 
-def lead(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
-    """Run the case of a command line, and tell what came of it; return the exit status."""
+def lead(
+    options: argparse.Namespace, launched: LaunchedRanks | None, heed: Callable[[], None]
+) -> int:
+    """Run the case of a command line, and tell what came of it; return the exit status.
+
+    `heed` raises KeyboardInterrupt if somebody has asked for an end.
+    """
     status = FAILED
     try:
-        status = _told(options, launched)
+        status = _told(options, launched, heed)
     finally:
         if launched:
             launched.end(status)
     return status
 
 
-def _told(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
+def _told(
+    options: argparse.Namespace, launched: LaunchedRanks | None, heed: Callable[[], None]
+) -> int:
     if options.threads:
         os.environ["OMP_NUM_THREADS"] = str(options.threads)
     try:
-        summary = run_case(options, ProgressConsole(quiet=options.quiet), launched)
+        summary = run_case(options, ProgressConsole(quiet=options.quiet), launched, heed)
     except CaseError as error:
         tell(f"{options.case}: not a case that can be run\n{error}", sys.stderr)
         return INVALID
@@ -103,7 +111,10 @@ def _told(options: argparse.Namespace, launched: LaunchedRanks | None) -> int:
 
 
 def run_case(
-    options: argparse.Namespace, console: Console, launched: LaunchedRanks | None = None
+    options: argparse.Namespace,
+    console: Console,
+    launched: LaunchedRanks | None,
+    heed: Callable[[], None],
 ) -> str:
     """Run a case in its folder and return a report of it.
 
@@ -140,15 +151,14 @@ def run_case(
             _warn_of_many_ranks(options.ranks)
             steps, length = run.case.timesteps, run.case.timestep
             deck = DeckRun(folder, steps, length, run.steps_done, options.ranks, launched)
+            heed()
             run_deck(deck, console)
-        for warning in lammps_warnings(folder):
-            _say(ProgressConsole(), warning)
         try:
+            for warning in lammps_warnings(folder):
+                _say(ProgressConsole(), warning)
             return analyze_run(folder, figures=not options.no_figures)
         except KeyboardInterrupt:
-            raise InterruptedRunError(
-                "interrupted after the simulation; to have it analysed, give --resume"
-            ) from None
+            raise InterruptedRunError(INTERRUPTED_AFTERWARDS) from None
 
 
 def _warn_of_many_ranks(ranks: int) -> None:

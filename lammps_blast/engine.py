@@ -25,10 +25,12 @@ from lammps_blast.deck import DECK, ENERGY_TABLE, LOG, RESTARTS
 from lammps_blast.lammps_program import MPI_SETTINGS, mpi_library
 from lammps_blast.plugin_folder import plugin_file, require_plugin
 from lammps_blast.progress import Watched, watch
-from lammps_blast.ranks import LaunchedRanks, RankedLammps, RankError, is_of_one_rank
+from lammps_blast.ranks import ASKING, LaunchedRanks, RankedLammps, RankError, is_of_one_rank
 from lammps_blast.restart_notes import newest_restart
 
 STEP_KEYS = "time.step or, with integrator implicit, time.implicit.max_step"
+
+INTERRUPTED_AFTERWARDS = "interrupted after the simulation; to have it analysed, give --resume"
 
 # What a deck says at its end where that came too early.
 _STOPPED = re.compile(r"^Stopped at step (\d+) of \d+\.", re.M)
@@ -99,35 +101,45 @@ def run_deck(run: DeckRun, console: Console | None = None) -> None:
     execution: _Execution = _InRanks(run) if run.ranks > 1 else _InProcess(run)
     before = Path.cwd()
     os.chdir(run.folder)  # the deck names its files relative to it
-    atexit.register(execution.leave_if_at_work)
-    threading.Thread(target=execution.execute, name="LAMMPS", daemon=True).start()
+    execution.stand_by()
     try:
+        execution.begin()
         watch(execution.watched, console)
     except KeyboardInterrupt:
-        if console is not None:
-            console.print("interrupted: stopping after this step of LAMMPS", highlight=False)
-        try:
-            execution.stop()
-        except KeyboardInterrupt:
-            # LAMMPS is still in the folder: so is this process, to its end.
-            raise InterruptedRunError(
-                "interrupted again, before LAMMPS had stopped; to go on, give --resume"
-            ) from None
-    atexit.unregister(execution.leave_if_at_work)
+        _stop(execution, console)
+    except BaseException:
+        _stop(execution, None)
+        os.chdir(before)
+        raise
     os.chdir(before)
     if execution.failure is not None:
         raise execution.failure
     if execution.lammps_error is not None:
         raise EngineError(_explanation(execution.lammps_error, run.folder))
-    if execution.steps_done < run.steps:
-        if not execution.was_asked_to_stop and execution.steps_done <= run.steps_done:
-            raise EngineError(f"{run.folder / DECK} ends before its run: it is not whole")
+    is_short = execution.steps_done < run.steps
+    if is_short and not execution.was_asked_to_stop and execution.steps_done <= run.steps_done:
+        raise EngineError(f"{run.folder / DECK} ends before its run: it is not whole")
+    if is_short or execution.was_asked_to_stop:
         raise InterruptedRunError(_told_interruption(execution.steps_done, run))
+
+
+def _stop(execution: _Execution, console: Console | None) -> None:
+    try:
+        if console is not None:
+            console.print("interrupted: stopping at one of LAMMPS's next steps", highlight=False)
+        execution.stop()
+    except KeyboardInterrupt:
+        # LAMMPS is still in the folder: so is this process, to its end.
+        raise InterruptedRunError(
+            "interrupted again, before LAMMPS had stopped; to go on, give --resume"
+        ) from None
 
 
 def _told_interruption(steps_done: int, run: DeckRun) -> str:
     if not steps_done:
         return "interrupted before the run began"
+    if steps_done >= run.steps:
+        return INTERRUPTED_AFTERWARDS
     text = f"interrupted at {steps_done * run.timestep:.6g} s"
     state = newest_restart(run.folder, RESTARTS)
     if state is None:
@@ -140,6 +152,7 @@ class _Execution(ABC):
 
     def __init__(self, run: DeckRun) -> None:
         self._run = run
+        self._begun = threading.Event()
         self._stop = threading.Event()
         # Not Thread.join: a Ctrl-C during a join makes Python take the thread for ended.
         self.ended = threading.Event()
@@ -162,21 +175,31 @@ class _Execution(ABC):
     def steps_done(self) -> int:
         """Steps of LAMMPS that are over."""
 
-    def leave_if_at_work(self) -> None:
-        """End this process, which is about to end, with LAMMPS in it, if that is still at work.
+    def stand_by(self) -> None:
+        """Have a thread of its own execute it, once it is begun."""
+        threading.Thread(target=self._execute_once_begun, name="LAMMPS", daemon=True).start()
 
-        A usual end would take from LAMMPS what it works with, and so be a crash.
-        """
-        if not self.ended.is_set():
-            leave_at_once(INTERRUPTED)
+    def begin(self) -> None:
+        """Let the thread go. Of one whose start is interrupted nobody knows whether it will."""
+        self._begun.set()
+
+    def _execute_once_begun(self) -> None:
+        self._begun.wait()
+        self.execute()
 
     @abstractmethod
     def execute(self) -> None:
         """Run the deck."""
 
-    @abstractmethod
     def stop(self) -> None:
-        """End LAMMPS's run after the present step, and wait for that."""
+        """End LAMMPS's run, begun or not, at one of the next steps, and wait for that."""
+        self._stop.set()
+        self.begin()
+        self._ask_to_stop()
+
+    @abstractmethod
+    def _ask_to_stop(self) -> None:
+        """The same where the run has begun, and knows that it is to stop."""
 
 
 class _InProcess(_Execution):
@@ -190,6 +213,20 @@ class _InProcess(_Execution):
         self._last_count = run.steps_done
         self._closing = threading.Lock()
 
+    def begin(self) -> None:
+        if self._run.launched:  # the others will be, and this one in its thread
+            self._run.launched.are_at_work = True
+        atexit.register(self._leave_if_at_work)
+        super().begin()
+
+    def _leave_if_at_work(self) -> None:
+        """End this process, which is about to end, if LAMMPS is still at work in it.
+
+        A usual end would take from LAMMPS what it works with, and so be a crash.
+        """
+        if not self.ended.is_set():
+            leave_at_once(INTERRUPTED)
+
     @property
     def steps_done(self) -> int:
         """Steps since the pulse: those of a relaxation, at negative times, do not count."""
@@ -198,10 +235,10 @@ class _InProcess(_Execution):
             return self._last_count
         return counter.value if start.value >= 0.0 else 0
 
-    def stop(self) -> None:
-        self._stop.set()
-        if self._run.launched:  # they have to agree on the step
-            ctypes.CDLL(str(plugin_file())).lammps_blast_stop(signal.SIGINT)
+    def _ask_to_stop(self) -> None:
+        if self._run.launched:
+            if self._lammps is not None:
+                self._ask_ranks_to_stop()
             self.ended.wait()
         # Time and again: a run that begins forgets that one was asked to end.
         while not self.ended.wait(_POLL_SECONDS):
@@ -209,19 +246,28 @@ class _InProcess(_Execution):
                 if self._lammps is not None:
                     self._lammps.force_timeout()
 
+    def _ask_ranks_to_stop(self) -> None:
+        """Have all ranks agree on a step to end at, which the plugin does."""
+        ctypes.CDLL(str(plugin_file())).lammps_blast_stop(signal.SIGINT)
+
     def execute(self) -> None:
+        # Signals are the main thread's: one that comes in the midst of what MPI does may break it.
+        signal.pthread_sigmask(signal.SIG_BLOCK, ASKING)
         try:
             run, launched = self._run, self._run.launched
             self._lammps = start_lammps(log="none", arguments=run.variable_arguments)
             if launched:
-                launched.are_at_work = True
                 with launched.broken_by(OSError):
                     launched.tell(self._lammps, run.variables)
+                if self._stop.is_set():  # before there was LAMMPS, and its plugin, to be asked
+                    self._ask_ranks_to_stop()
             self._counter = _global_number(self._lammps, b"ntimestep", ctypes.c_int64)
             self._start_of_time = _global_number(self._lammps, b"atime", ctypes.c_double)
             if launched or not self._stop.is_set():
                 self._lammps.file(DECK)
         except EngineError as failure:
+            if self._run.launched:
+                self._run.launched.are_broken = True
             self.failure = failure
         except OSError as error:
             self.failure = EngineError(f"LAMMPS cannot be told what to do: {error}")
@@ -234,6 +280,7 @@ class _InProcess(_Execution):
         finally:
             self._close()
             self.ended.set()
+            atexit.unregister(self._leave_if_at_work)
 
     def _close(self) -> None:
         self._last_count, self._counter = self.steps_done, None
@@ -242,9 +289,10 @@ class _InProcess(_Execution):
             lammps, self._lammps = self._lammps, None
         if lammps is None or (launched and launched.are_broken):
             return
-        lammps.close()
         if launched:
             lammps.finalize()
+        else:
+            close_lammps(lammps)
 
 
 class _InRanks(_Execution):
@@ -264,8 +312,7 @@ class _InRanks(_Execution):
         time = _last_time(self._table)
         return self._run.steps_done if time is None else round(time / self._run.timestep)
 
-    def stop(self) -> None:
-        self._stop.set()
+    def _ask_to_stop(self) -> None:
         if self._lammps is not None:
             self._lammps.stop()
         self.ended.wait()
@@ -343,6 +390,21 @@ def start_lammps(log: str = LOG, arguments: list[str] | None = None) -> Any:
         return lammps(cmdargs=["-screen", "none", "-log", log, "-nocite", *(arguments or [])])
     except (ImportError, OSError) as error:
         raise EngineError(f"LAMMPS cannot be loaded: {error}") from error
+
+
+def close_lammps(lammps: Any) -> None:
+    """Close a LAMMPS instance of this process alone, and have MPI end with the process.
+
+    MPI leaves memory that it shares, 1 MiB, in the system if it is not ended, and cannot be begun
+    again if it is.
+    """
+    lammps.close()
+    atexit.unregister(_end_mpi)
+    atexit.register(_end_mpi, lammps.lib)
+
+
+def _end_mpi(library: ctypes.CDLL) -> None:
+    library.lammps_mpi_finalize()
 
 
 def _load_mpi() -> None:

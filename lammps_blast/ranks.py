@@ -77,15 +77,11 @@ class LaunchedRanks:
     def follow(self, folder: Path | None) -> None:
         """Do the first rank's bidding in one run of LAMMPS, and end with it.
 
-        Signals that ask for an end are the first rank's business.
-
         Parameters
         ----------
         folder
             The run folder; None where there is none.
         """
-        for asking in ASKING:
-            signal.signal(asking, signal.SIG_IGN)
         self._run_together(folder)
 
     def end(self, status: int) -> None:

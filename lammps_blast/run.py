@@ -6,11 +6,12 @@ Exit status: 0 done; 2 the case is invalid, nothing was written; 3 the run faile
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -29,23 +30,30 @@ def main(argv: list[str] | None = None) -> int:
     """Run a case: pack, launch, simulate, analyse, draw."""
     options = _options(argv)
     launched = LaunchedRanks.around_this_process()
-    before = _handle_asking(_interruption())
+    follows = launched is not None and launched.number > 0
+    interruption = _Interruption()
+    # Signals that ask for an end are the first rank's business.
+    before = _handle_asking(signal.SIG_IGN if follows else interruption)
     try:
         # Here, where an interruption of the second that it takes has an answer.
-        from lammps_blast.case_run import follow, lead
-
-        follows = launched is not None and launched.number > 0
-        status = follow(options, launched) if follows else lead(options, launched)
+        with interruption.held_back():
+            from lammps_blast.case_run import follow, lead
+        if follows:
+            status = follow(options, launched)
+        else:
+            status = lead(options, launched, interruption.heed)
     except KeyboardInterrupt:
         tell("interrupted before the run began", sys.stderr)
         status = INTERRUPTED
+        if launched:
+            launched.end(status)
     for number, handler in before.items():
         # What has been heeded, and is told again, must not kill the process on its last steps.
-        signal.signal(number, signal.SIG_IGN if status == INTERRUPTED else handler)
+        signal.signal(number, signal.SIG_IGN if follows or status == INTERRUPTED else handler)
     return status
 
 
-def _handle_asking(handler: Callable[[int, FrameType | None], None]) -> dict[int, Any]:
+def _handle_asking(handler: Callable[[int, FrameType | None], None] | int) -> dict[int, Any]:
     """Handle the signals that ask for an end, but for ignored ones; return what did before."""
     before = {number: signal.getsignal(number) for number in ASKING}
     heeded = {number: old for number, old in before.items() if old != signal.SIG_IGN}
@@ -54,18 +62,40 @@ def _handle_asking(handler: Callable[[int, FrameType | None], None]) -> dict[int
     return heeded
 
 
-def _interruption() -> Callable[[int, FrameType | None], None]:
-    """Return a handler of signals that interrupts once for each wish."""
-    last = -SECONDS_OF_ONE_WISH
+class _AskedToEnd(KeyboardInterrupt):
+    """A wish that the run ends. Python does not always see that a plain Ctrl-C was handled."""
 
-    def interrupt(number: int, _frame: FrameType | None) -> None:
-        nonlocal last
+
+class _Interruption:
+    """A handler of signals that interrupts once for each wish."""
+
+    def __init__(self) -> None:
+        self._last = -SECONDS_OF_ONE_WISH
+        self._is_held_back = False
+        self._was_asked = False
+
+    def __call__(self, number: int, _frame: FrameType | None) -> None:
         of_one_wish = SECONDS_OF_ONE_KEY if number == signal.SIGINT else SECONDS_OF_ONE_WISH
-        if time.monotonic() - last >= of_one_wish:
-            last = time.monotonic()
-            raise KeyboardInterrupt
+        if time.monotonic() - self._last < of_one_wish:
+            return
+        self._last = time.monotonic()
+        is_put_off = self._is_held_back and not self._was_asked
+        self._was_asked = True
+        if not is_put_off:
+            raise _AskedToEnd
 
-    return interrupt
+    def heed(self) -> None:
+        """Interrupt for a wish that was held back, or that a library took for a failure of its."""
+        if self._was_asked:
+            raise _AskedToEnd
+
+    @contextlib.contextmanager
+    def held_back(self) -> Iterator[None]:
+        """Interrupt not before the end of imports, which cannot be begun again, or asked twice."""
+        self._is_held_back = True
+        yield
+        self._is_held_back = False
+        self.heed()
 
 
 def _options(argv: list[str] | None) -> argparse.Namespace:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from lammps_blast import theory
-from lammps_blast.engine import start_lammps
+from lammps_blast.engine import close_lammps, start_lammps
 from lammps_blast.plugin_folder import PLUGIN_FILE, plugin_folder
 from lammps_blast.text_columns import LIBRARY_FILE, read_text_columns
 
@@ -205,7 +205,7 @@ def _lammps() -> Iterator[Any]:
     try:
         yield lammps
     finally:
-        lammps.close()
+        close_lammps(lammps)
 
 
 def _create(lammps: Any, positions: np.ndarray) -> None:

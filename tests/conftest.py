@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lammps_blast.deck import write_particle_data
-from lammps_blast.engine import start_lammps
+from lammps_blast.engine import close_lammps, start_lammps
 from lammps_blast.particles import Particles
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -101,7 +101,7 @@ def simulate(tmp_path):
 
     yield start
     for simulation in running:
-        simulation.lammps.close()
+        close_lammps(simulation.lammps)
 
 
 def lmp(*arguments, folder, ranks=1):

@@ -420,6 +420,39 @@ def test_a_signal_ends_a_run_with_a_restart_file(tmp_path, asking, ranks):
     assert table["time"][-1] == pytest.approx(end)
 
 
+SLOW_STEPS = """
+units si
+region world block -1 1 -1 1 -1 1
+create_box 1 world
+create_atoms 1 random 4 1 NULL
+mass 1 1.0
+fix integrate all nve
+fix restart all blast/restart
+run 1000 every 1 "print '$(step)' append steps" "shell sleep 0.1"
+"""
+
+
+def test_ranks_heed_a_signal_within_two_steps_where_those_take_long(tmp_path):
+    (tmp_path / "in.blast").write_text(SLOW_STEPS)
+    process = subprocess.Popen(
+        command(ranks=2),
+        cwd=tmp_path,
+        env=program_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    steps = tmp_path / "steps"
+    end = time.monotonic() + 60
+    while not steps.is_file() or steps.read_text().count("\n") < 12:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    process.send_signal(signal.SIGTERM)
+    said, _ = process.communicate(timeout=60)
+    assert process.returncode == 0, said
+    assert 12 <= int(said.split("ends the run at step ")[1].split()[0]) <= 14
+
+
 def test_a_signal_that_comes_twice_is_one_wish(tmp_path):
     """A batch system tells all processes, and the launcher tells its ranks once more."""
     folder = deck_of(tmp_path / "run", {"output": CLOUD["output"] | {"restart_interval": 500.0}})

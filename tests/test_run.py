@@ -9,7 +9,9 @@ import shutil
 import signal
 import subprocess
 import sys
+import textwrap
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -446,11 +448,12 @@ def test_lammps_failure_is_told_with_lammps_words_and_the_line_of_the_deck(tmp_p
     assert "Traceback" not in done.stderr
 
 
-def start_run(folder, before=""):
+def start_run(folder, before="", ranks=1):
     """Start the run command in a folder with a case, after some Python; Ctrl-C reaches it."""
     command = f"{before}\nfrom lammps_blast.run import main; raise SystemExit(main(['case.yaml']))"
+    launcher = [] if ranks == 1 else [str(PROGRAMS / "mpiexec"), "-n", str(ranks)]
     return subprocess.Popen(
-        [sys.executable, "-c", command],
+        [*launcher, sys.executable, "-c", command],
         cwd=folder,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -478,6 +481,79 @@ def test_interruption_stops_cleanly_and_keeps_the_state(tmp_path):
     assert "Traceback" not in errors
     assert newest_restart(table.parent, RESTARTS).step > 0
     assert not (table.parent / "summary.json").exists()
+    # MPI shares memory under a name with the number of its process.
+    assert not list(Path("/dev/shm").glob(f"*_{process.pid:x}_*"))
+
+
+ASK = "import os, signal, sys, time\ndef ask(): os.kill(os.getpid(), signal.SIGINT)\n"
+ASK_IN_IMPORTS = """
+import lammps_blast.run
+class Finder:
+    def find_spec(name, *_):
+        if name == "lammps_blast.case_run":
+            ask()
+sys.meta_path.insert(0, Finder)
+"""
+ASK_OTHER_RANKS = f"""
+if os.environ.get("PMI_RANK", "0") != "0":
+{textwrap.indent(ASK_IN_IMPORTS, "    ")}
+"""
+ASK_A_LIBRARY_THAT_DOES_NOT_HEED = """
+import lammps_blast.deck as deck
+dump_case = deck.dump_case
+def dump_unheeding(case):
+    try:
+        ask()
+        time.sleep(1)
+    except KeyboardInterrupt:
+        return dump_case(case)
+deck.dump_case = dump_unheeding
+"""
+ASK_AT_THE_LAST_STEP = """
+import lammps_blast.engine as engine
+def watch(run, console):
+    run.ended.wait()
+    ask()
+    time.sleep(1)
+engine.watch = watch
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("asking", "told"),
+    [
+        (ASK_IN_IMPORTS, "interrupted before the run began"),
+        (ASK_A_LIBRARY_THAT_DOES_NOT_HEED, "interrupted before the run began"),
+        (ASK_AT_THE_LAST_STEP, "interrupted after the simulation"),
+    ],
+    ids=["imports", "library", "last step"],
+)
+def test_an_interruption_is_heeded_whenever_it_comes(tmp_path, asking, told, ranks):
+    (tmp_path / "case.yaml").write_text(CASE)
+    process = start_run(tmp_path, ASK + ASK_OTHER_RANKS + asking, ranks)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert told in errors
+    assert "Traceback" not in errors
+    assert not list(tmp_path.glob("runs/small/summary.json"))
+    assert run(tmp_path, "--resume").returncode == 0
+
+
+def test_a_failure_beside_lammps_ends_it_and_keeps_its_own_status(tmp_path):
+    (tmp_path / "case.yaml").write_text(CASE.replace("duration: 0.01", "duration: 200.0"))
+    fails = (
+        "import time, lammps_blast.engine as engine\n"
+        "def watch(run, console):\n"
+        "    while run.steps_done() < 100: time.sleep(0.01)\n"
+        "    raise MemoryError\n"
+        "engine.watch = watch\n"
+    )
+    process = start_run(tmp_path, before=fails)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 3
+    assert "the memory is used up" in errors
+    assert newest_restart(tmp_path / "runs" / "small", RESTARTS).step >= 100
 
 
 def test_who_interrupts_again_leaves_at_once(tmp_path):

@@ -6,6 +6,7 @@
 #include "comm.h"
 #include "error.h"
 #include "output.h"
+#include "platform.h"
 #include "timer.h"
 #include "update.h"
 #include "utils.h"
@@ -26,8 +27,10 @@ static constexpr char STYLE[] = "Fix blast/restart";
 // What asks a program to end: a batch system or `kill`, the keyboard, a batch system ahead of time,
 // a terminal that is closed.
 static constexpr int SIGNALS[] = {SIGTERM, SIGINT, SIGUSR1, SIGHUP};
-// Steps between two looks at whether any of several ranks was asked to stop.
+// Steps between two looks at whether any of several ranks was asked to stop, unless they are so
+// long (s) that a look costs nothing beside one.
 static constexpr int STEPS_BETWEEN_LOOKS = 10;
+static constexpr double LONG_STEP = 0.01;
 
 static constexpr std::time_t SECONDS_OF_ONE_WISH = 10;
 
@@ -55,7 +58,7 @@ FixBlastRestart::FixBlastRestart(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, n
     else
       binary_dumps.emplace_back(arg[iarg + 1]);
   }
-  nevery = comm->nprocs == 1 ? 1 : STEPS_BETWEEN_LOOKS;
+  nevery = 1;
   restart_global = 1;
   listen();
 }
@@ -143,13 +146,24 @@ void FixBlastRestart::setup(int /*vflag*/)
 
 void FixBlastRestart::end_of_step()
 {
-  int asked = signal_that_asked;
-  if (comm->nprocs > 1) MPI_Allreduce(MPI_IN_PLACE, &asked, 1, MPI_INT, MPI_MAX, world);
+  const int asked = comm->nprocs == 1 ? signal_that_asked : signal_of_any_rank();
   if (asked == 0) return;
   signal_that_asked = 0;
   if (comm->me == 0)
     utils::logmesg(lmp, "Signal {} ends the run at step {}\n", asked, update->ntimestep);
   timer->force_timeout();
+}
+
+// Ranks look together, so after equally many steps.
+int FixBlastRestart::signal_of_any_rank()
+{
+  if (--steps_to_look > 0) return 0;
+  const double now = platform::walltime();
+  double seen[2] = {static_cast<double>(signal_that_asked), (now - last_look) / steps_of_look};
+  last_look = now;
+  MPI_Allreduce(MPI_IN_PLACE, seen, 2, MPI_DOUBLE, MPI_MAX, world);
+  steps_of_look = steps_to_look = seen[1] < LONG_STEP ? STEPS_BETWEEN_LOOKS : 1;
+  return static_cast<int>(seen[0]);
 }
 
 void FixBlastRestart::write_restart(FILE *fp)

@@ -31,11 +31,14 @@ public:
 private:
   void take_lock(const char *name);
   void listen();
+  int signal_of_any_rank();
 
   std::unique_ptr<FileLock> lock;
   bool goes_on = false;               // from a restart file
   std::vector<bigint> frames_written; // the step of each dump's last frame
   std::vector<std::string> binary_dumps;
+  int steps_to_look = 1, steps_of_look = 1; // of several ranks, together
+  double last_look = 0.0;                   // s, of a clock
 };
 
 } // namespace LAMMPS_NS

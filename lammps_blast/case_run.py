@@ -106,7 +106,8 @@ def _told(
     except KeyboardInterrupt:
         tell("interrupted before the run began", sys.stderr)
         return INTERRUPTED
-    tell(summary)
+    with contextlib.suppress(KeyboardInterrupt):  # all is done
+        tell(summary)
     return DONE
 
 
@@ -156,6 +157,7 @@ def run_case(
         try:
             for warning in lammps_warnings(folder):
                 _say(ProgressConsole(), warning)
+            heed()
             return analyze_run(folder, figures=not options.no_figures)
         except KeyboardInterrupt:
             raise InterruptedRunError(INTERRUPTED_AFTERWARDS) from None

@@ -89,6 +89,9 @@ class LaunchedRanks:
         if self.are_broken:
             self._leave(status)
         if not self.are_at_work:
+            # They cannot be let go by half.
+            for asking in ASKING:
+                signal.signal(asking, signal.SIG_IGN)
             self._run_together()
 
     def tell(self, lammps: Any, variables: Mapping[str, str]) -> None:

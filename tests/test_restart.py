@@ -428,7 +428,7 @@ create_atoms 1 random 4 1 NULL
 mass 1 1.0
 fix integrate all nve
 fix restart all blast/restart
-run 1000 every 1 "print '$(step)' append steps" "shell sleep 0.1"
+run 1000 every 1 "print '$(step)' append steps" "shell sleep 0.3"
 """
 
 
@@ -444,13 +444,13 @@ def test_ranks_heed_a_signal_within_two_steps_where_those_take_long(tmp_path):
     )
     steps = tmp_path / "steps"
     end = time.monotonic() + 60
-    while not steps.is_file() or steps.read_text().count("\n") < 12:
+    while not steps.is_file() or steps.read_text().count("\n") < 3:
         assert time.monotonic() < end
         time.sleep(0.01)
     process.send_signal(signal.SIGTERM)
     said, _ = process.communicate(timeout=60)
     assert process.returncode == 0, said
-    assert 12 <= int(said.split("ends the run at step ")[1].split()[0]) <= 14
+    assert 3 <= int(said.split("ends the run at step ")[1].split()[0]) <= 5
 
 
 def test_a_signal_that_comes_twice_is_one_wish(tmp_path):

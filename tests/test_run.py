@@ -566,7 +566,7 @@ def test_who_interrupts_again_leaves_at_once(tmp_path):
     folder = tmp_path / "runs" / "small"
     wait_for((folder / "energy.csv").exists)
     process.send_signal(signal.SIGINT)
-    time.sleep(0.5)
+    time.sleep(1.0)
     assert process.poll() is None
     process.send_signal(signal.SIGINT)
     output, errors = process.communicate(timeout=60)

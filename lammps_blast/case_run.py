@@ -64,7 +64,7 @@ def follow(options: argparse.Namespace, launched: LaunchedRanks) -> int:
     folder = None
     with contextlib.suppress(CaseError):  # the first rank tells it
         folder = run_folder(options, load_case(options.case))
-    launched.follow(folder)
+    launched.run_together(folder)
     return DONE
 
 

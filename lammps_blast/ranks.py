@@ -74,16 +74,6 @@ class LaunchedRanks:
                     return ranks
         return None
 
-    def follow(self, folder: Path | None) -> None:
-        """Do the first rank's bidding in one run of LAMMPS, and end with it.
-
-        Parameters
-        ----------
-        folder
-            The run folder; None where there is none.
-        """
-        self._run_together(folder)
-
     def end(self, status: int) -> None:
         """End the others, with or without having been at work; may end this process."""
         if self.are_broken:
@@ -92,7 +82,7 @@ class LaunchedRanks:
             # They cannot be let go by half.
             for asking in ASKING:
                 signal.signal(asking, signal.SIG_IGN)
-            self._run_together()
+            self.run_together()
 
     def tell(self, lammps: Any, variables: Mapping[str, str]) -> None:
         """Set variables of LAMMPS that only this rank, the first, knows, in all of them."""
@@ -116,8 +106,14 @@ class LaunchedRanks:
             tell(reason, sys.stderr)
         leave_at_once(status)
 
-    def _run_together(self, folder: Path | None = None) -> None:
-        """Run what the first rank reads: here nothing, there variables and a deck."""
+    def run_together(self, folder: Path | None = None) -> None:
+        """Run what the first rank reads: there variables and a deck, or as little as here.
+
+        Parameters
+        ----------
+        folder
+            The run folder; None where there is none.
+        """
         from lammps_blast.engine import EngineError, start_lammps
 
         self.are_at_work = True
@@ -133,7 +129,6 @@ class LaunchedRanks:
         except Exception as error:
             if is_of_one_rank(error):
                 self._leave(1, error)
-        lammps.close()
         lammps.finalize()
 
 

@@ -380,8 +380,8 @@ def test_another_layout_is_refused(finished):
     assert outputs(folder) == expected
 
 
-def start(folder, **options):
-    """Start a run that takes long, and wait until it has written something."""
+def start(folder, table="energy.csv", **options):
+    """Start a run that takes long, and wait until it has written some lines of a table."""
     process = subprocess.Popen(
         command(duration=500.0, **options),
         cwd=folder,
@@ -392,7 +392,7 @@ def start(folder, **options):
         # A shell may have started the tests in the background, where Ctrl-C is ignored.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    table = folder / "energy.csv"
+    table = folder / table
     end = time.monotonic() + 60
     while not table.is_file() or table.read_bytes().count(b"\n") < 4:
         assert process.poll() is None, process.stdout.read()
@@ -434,23 +434,11 @@ run 1000 every 1 "print '$(step)' append steps" "shell sleep 0.3"
 
 def test_ranks_heed_a_signal_within_two_steps_where_those_take_long(tmp_path):
     (tmp_path / "in.blast").write_text(SLOW_STEPS)
-    process = subprocess.Popen(
-        command(ranks=2),
-        cwd=tmp_path,
-        env=program_environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    steps = tmp_path / "steps"
-    end = time.monotonic() + 60
-    while not steps.is_file() or steps.read_text().count("\n") < 3:
-        assert time.monotonic() < end
-        time.sleep(0.01)
+    process = start(tmp_path, table="steps", ranks=2)
     process.send_signal(signal.SIGTERM)
     said, _ = process.communicate(timeout=60)
     assert process.returncode == 0, said
-    assert 3 <= int(said.split("ends the run at step ")[1].split()[0]) <= 5
+    assert 4 <= int(said.split("ends the run at step ")[1].split()[0]) <= 6
 
 
 def test_a_signal_that_comes_twice_is_one_wish(tmp_path):
